@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from functools import cache
 from typing import TYPE_CHECKING
-
-from markupsafe import Markup
 
 from atlantis_netcfg.asbuilt.record import (
     FACTS,
@@ -23,11 +19,10 @@ from atlantis_netcfg.asbuilt.record import (
     shown,
     title_of,
 )
-from atlantis_netcfg.checklist.report._texts import page_language, unread
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, plain, wrapped
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.report.page import page_environment
+from atlantis_netcfg.report.page import page, page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -204,17 +199,8 @@ def anchor(name: str) -> str:
 def html(record: AsBuiltRecord, digest: str) -> bytes:
     """The page: no script, no request; the same for the same record. `digest`: SHA-256 of its `as-built.json`."""
     style = _environment().get_template("as-built.css.j2").render()
-    page = _environment().get_template("as-built.html.j2")
-    text = page.render(
-        record=record,
-        digest=digest,
-        style=Markup(style),  # noqa: S704 - a file of ours without anything from outside
-        style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
-        language=page_language(),
-        unread=unread(),
-        tables=report_tables(record),
-    )
-    return text.encode()
+    words = {"record": record, "digest": digest, "tables": report_tables(record)}
+    return page(_environment(), "as-built.html.j2", style, **words)
 
 
 def table_words(table: ReportTable) -> str:
@@ -225,7 +211,6 @@ def table_words(table: ReportTable) -> str:
 @cache
 def _environment() -> Environment:
     made = page_environment("atlantis_netcfg.asbuilt")
-    made.filters.update(translate=translate)
     made.globals.update(
         heading=heading,
         subtitle=subtitle,

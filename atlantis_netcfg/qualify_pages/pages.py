@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import io
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
 from markupsafe import Markup
 
-from atlantis_netcfg.checklist.report._texts import page_language, unread
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
@@ -23,7 +20,7 @@ from atlantis_netcfg.qualify_pages.sections import (
     sections,
     subtitle,
 )
-from atlantis_netcfg.report.page import page_environment
+from atlantis_netcfg.report.page import page, page_environment, unread
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -118,30 +115,23 @@ def _labelled(name: str, value: str) -> Iterator[Row]:
 def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
     """The page: no script, no request; the same for the same record."""
     style = _environment().get_template("qualify.css.j2").render()
-    text = (
-        _environment()
-        .get_template("qualify.html.j2")
-        .render(
-            heading=heading(record),
-            subtitle=subtitle(record),
-            emulated=EMULATED if record.run.emulated else "",
-            verdict=record.verdict.value,
-            closing=closing(record),
-            sections=sections(record),
-            plots={plot.name: Markup(plot.svg()) for plot in plots},  # noqa: S704 - made by ElementTree, which escapes
-            style=Markup(style),  # noqa: S704 - a file of ours without anything from outside
-            style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
-            language=page_language(),
-            unread=unread(),
-        )
+    return page(
+        _environment(),
+        "qualify.html.j2",
+        style,
+        heading=heading(record),
+        subtitle=subtitle(record),
+        emulated=EMULATED if record.run.emulated else "",
+        verdict=record.verdict.value,
+        closing=closing(record),
+        sections=sections(record),
+        plots={plot.name: Markup(plot.svg()) for plot in plots},  # noqa: S704 - made by ElementTree, which escapes
     )
-    return text.encode()
 
 
 @cache
 def _environment() -> Environment:
     made = page_environment("atlantis_netcfg.qualify_pages")
-    made.filters.update(translate=translate)
     made.globals.update(in_words=in_words)
     return made
 

@@ -8,21 +8,16 @@ goodput are a proposal.
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import math
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from markupsafe import Markup
-
 from atlantis_netcfg.bearers.lte.judge import WEAK_RSRP_DBM, WEAK_RSRQ_DB, WEAK_SINR_DB
-from atlantis_netcfg.checklist.report._texts import page_language, unread
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.report.page import page_environment
+from atlantis_netcfg.report.page import page, page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -259,33 +254,26 @@ def html(survey: Survey, coast: Coast | None = None) -> bytes:
     style, header = _environment().get_template("survey.css.j2").render(), survey.header
     positions = [point.position for point in survey.placed if point.position is not None]
     frame = MapFrame.around(positions) if positions else None
-    text = (
-        _environment()
-        .get_template("survey.html.j2")
-        .render(
-            survey=survey,
-            header=header,
-            subtitle=f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
-            source=f"link {header.link}, read from {header.unit}, positions by {header.positions_by}",
-            frame=frame,
-            width=_WIDTH,
-            layers=layers(survey, frame) if frame is not None else (),
-            track=" ".join(f"{x},{y}" for x, y in (frame.place(*position) for position in positions)) if frame else "",
-            coast_words=None if coast is None else f"The coast line is that of {coast.name}",
-            coast_paths=coast_paths(coast, frame) if frame is not None else (),
-            summary=summary(survey),
-            style=Markup(style),  # noqa: S704 - a file of ours without anything from outside
-            style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
-            language=page_language(),
-            unread=unread(),
-        )
+    return page(
+        _environment(),
+        "survey.html.j2",
+        style,
+        survey=survey,
+        header=header,
+        subtitle=f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
+        source=f"link {header.link}, read from {header.unit}, positions by {header.positions_by}",
+        frame=frame,
+        width=_WIDTH,
+        layers=layers(survey, frame) if frame is not None else (),
+        track=" ".join(f"{x},{y}" for x, y in (frame.place(*position) for position in positions)) if frame else "",
+        coast_words=None if coast is None else f"The coast line is that of {coast.name}",
+        coast_paths=coast_paths(coast, frame) if frame is not None else (),
+        summary=summary(survey),
     )
-    return text.encode()
 
 
 @cache
 def _environment() -> Environment:
     made = page_environment("atlantis_netcfg.survey")
-    made.filters.update(translate=translate)
     made.globals.update(shapes=SHAPES)
     return made

@@ -30,7 +30,7 @@ from PIL import Image, ImageOps
 from atlantis_netcfg.checklist.report import _texts
 from atlantis_netcfg.checklist.report._shapes import DARK, SYMBOLS, TINTS, ShownState, css_class, grid, state
 from atlantis_netcfg.checklist.report._svg import drawing_svg
-from atlantis_netcfg.checklist.report._texts import coded, page_language, unread
+from atlantis_netcfg.checklist.report._texts import coded
 from atlantis_netcfg.checklist.report._words import (
     circumstances,
     closing,
@@ -48,7 +48,7 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.report.drift import add, clean, count, skip, tell, written
-from atlantis_netcfg.report.page import page_environment
+from atlantis_netcfg.report.page import page, page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -219,34 +219,27 @@ def _photo_of(image: Image.Image, data: bytes) -> Photo:
 
 def html(document: Document, files: Mapping[str, bytes]) -> bytes:
     """The page, the same for the same document and files."""
-    style = _style()
-    text = (
-        _environment()
-        .get_template("page.html.j2")
-        .render(
-            document=document,
-            style=Markup(style),  # noqa: S704 - a template of ours without anything from outside
-            style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
-            # Made by ElementTree, which escapes.
-            svg=Markup(drawing_svg(document) + drawing_svg(document, wide=True)),  # noqa: S704
-            language=page_language(),
-            unread=unread(),
-            heading=_texts.heading(document),
-            name=_texts.name_of_page(document),
-            zone=document.time_zone,
-            signed=signed(document),
-            grid=grid(document),
-            headline=headline(document),
-            counts=counts(document.items),
-            scope=scope(document),
-            anchors={id(item): f"i{number}" for number, item in enumerate(document.items, start=1)},
-            first=to_look_at(document),
-            overridden=[item for item in document.items if item.override is not None],
-            unsettled=[item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}],
-            attached=attached(document, files),
-        )
+    return page(
+        _environment(),
+        "page.html.j2",
+        _style(),
+        document=document,
+        # Made by ElementTree, which escapes.
+        svg=Markup(drawing_svg(document) + drawing_svg(document, wide=True)),  # noqa: S704
+        heading=_texts.heading(document),
+        name=_texts.name_of_page(document),
+        zone=document.time_zone,
+        signed=signed(document),
+        grid=grid(document),
+        headline=headline(document),
+        counts=counts(document.items),
+        scope=scope(document),
+        anchors={id(item): f"i{number}" for number, item in enumerate(document.items, start=1)},
+        first=to_look_at(document),
+        overridden=[item for item in document.items if item.override is not None],
+        unsettled=[item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}],
+        attached=attached(document, files),
     )
-    return text.encode()  # `visible` leaves no half of a surrogate pair
 
 
 @cache

@@ -17,8 +17,7 @@ from atlantis_netcfg.checklist.report.document import (
     Row,
     SinceGreen,
 )
-from atlantis_netcfg.core import language
-from atlantis_netcfg.core.language import Language, translate
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.declaration.model import Phase
 
@@ -69,7 +68,6 @@ class PageText(StrEnum):
     TOOL = "Tool"
     INVENTORY = "Inventory"
     EXIT = "Exit"
-    UNREAD = "No native speaker has read this translation yet. What was signed is in English."
 
 
 EVIDENCE = {
@@ -146,16 +144,6 @@ def was_green(green: SinceGreen, zone: str) -> str:
 def name_of_page(document: Document) -> str:
     """What a browser and a reader of PDF call it."""
     return f"Checklist of {document.title}, run {document.run}"
-
-
-def page_language() -> str:
-    """The language of the page's own words, as HTML and PDF name it (BCP 47)."""
-    return {Language.ENGLISH: "en", Language.PORTUGUESE: "pt-PT"}[language.current()]
-
-
-def unread() -> str:
-    """That the translation was not read by a native speaker; empty in English."""
-    return "" if language.current() is Language.ENGLISH else translate(PageText.UNREAD)
 
 
 _CODE = re.compile(r"`([^`\s](?:[^`\n]*[^`\s])?)`")

@@ -27,13 +27,13 @@ from atlantis_netcfg.checklist.report._texts import (
     item_title,
     overridden_by,
     subtitle,
-    unread,
     was,
     was_green,
 )
 from atlantis_netcfg.checklist.report._words import circumstances, counts, evidence_groups, headline, signed, title
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.report.page import unread
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -11,10 +11,11 @@ from fpdf.enums import XPos, YPos
 from fpdf.fonts import TTFFont
 
 from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS, ShownState
-from atlantis_netcfg.checklist.report._texts import PageText, coded, name_of_page, page_language, uncoded
+from atlantis_netcfg.checklist.report._texts import PageText, coded, name_of_page, uncoded
 from atlantis_netcfg.checklist.report._words import signed
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import visible
+from atlantis_netcfg.report.page import page_language
 
 if TYPE_CHECKING:
     from datetime import datetime
