@@ -227,6 +227,8 @@ class Box:
 def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
     """A computer without a configuration, which time and the gateway obey."""
     made = Box(tmp_path)
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))  # who is killed leaves what he has there
     monkeypatch.setattr("os.fsync", lambda _handle: made.step())
     monkeypatch.setattr(DesiredNetwork, "_knock", lambda _self: None)
     monkeypatch.setattr(network_change, "began_s", network_guard.boot_time)
