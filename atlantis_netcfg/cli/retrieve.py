@@ -1,9 +1,9 @@
-"""`provision retrieve`: recordings from a gateway to the control centre, over whatever link the site has."""
+"""`provision retrieve`: recordings of a gateway or a robot to the control centre, over whatever link the site has."""
 
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._arguments import (
     ACCEPT_COST,
@@ -26,17 +26,25 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import RetrievalSource
-    from atlantis_netcfg.operations.retrieve import RetrievalPlan, RetrievalProgram, RetrievalSelection, RetrievalStatus
+    from atlantis_netcfg.operations.retrieve import (
+        RetrievalPlan,
+        RetrievalProgram,
+        RetrievalSelection,
+        RetrievalStatus,
+        Source,
+    )
 
 RETRIEVE = CommandSpec(
     "retrieve",
-    "bring recordings from a gateway to the control centre, over whatever link the site has",
+    "bring recordings of a gateway or a robot to the control centre, over whatever link the site has",
     group=Group.LINKS,
     words=(
         Word("site", "the site", required=True, example="coastal"),
         Word(
-            "from", "the gateway; may be left out where the site has one", example="coastal-gateway", values=Values.HOST
+            "from",
+            "the gateway or robot; may be left out where the site has one",
+            example="coastal-gateway",
+            values=Values.HOST,
         ),
         Word("files", "only those whose path below the folder is like this", example="'bag-20261126-*'"),
         Word("link", "the link that carries it; the router is asked if left out", example="4g"),
@@ -47,6 +55,11 @@ RETRIEVE = CommandSpec(
     flags=(
         Flag("plan", "say what it takes and costs, send nothing", harmless=True),
         Flag("leave", "begin, and do not wait for its end"),
+        Flag(
+            "rehearse",
+            "the same on this computer: both programs, an emulated link that is cut, and made recordings",
+            harmless=True,
+        ),
         Flag("again", "also compare what was retrieved before, and send again what differs"),
         ACCEPT_COST,
         ASK_VAULT_PASS,
@@ -54,7 +67,8 @@ RETRIEVE = CommandSpec(
     ),
     details=(
         "The gateway sends by itself, at the declared share of the link, and goes on where it was after a gap, a "
-        "restart, or when you leave: Ctrl-C ends the watching alone. Nothing is removed from the gateway.\n"
+        "restart, or when you leave: Ctrl-C ends the watching alone. What is on a robot it collects first, over the "
+        "LAN. No recording is removed, neither from the gateway's own folder nor from a robot.\n"
         "Exit code 0: every file was read again at the control centre and has the same SHA-256, 6: not yet, or not "
         "all, 4: it has ended before, 7: there is nothing."
     ),
@@ -69,11 +83,13 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.request import refuse_examples
-    from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalSelection, source_at
+    from atlantis_netcfg.operations.retrieve import RetrievalSelection, program_by_ssh, source_at
 
+    if arguments.flag("rehearse"):
+        return _rehearse(arguments)
     site, order = arguments.word("site"), arguments.optional("order")
     _refuse_mixed(arguments, order)
-    found: list[RetrievalSource] = []
+    found: list[Source] = []
 
     def chosen(declaration: Declaration) -> tuple[Host, ...]:
         source, host = source_at(declaration, site, arguments.optional("from"))
@@ -82,19 +98,67 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
 
     with session(arguments, via=arguments.optional("via"), chosen=chosen) as opened:
         refuse_examples(opened.declaration, rehearsed=False)
-        program = RetrievalProgram(opened.declaration, opened.hosts[0], opened.paid(opened.request(Mode.DRIFT)))
+        program = program_by_ssh(opened.declaration, found[0], opened.paid(opened.request(Mode.DRIFT)))
         if order is not None:
             return _ended_or_told(opened, program, order)
         selection = RetrievalSelection(arguments.optional("files") or "*", arguments.flag("again"))
         look = program.look(selection)
         if not look["files"]:
-            return _nothing(opened, look)
+            return _nothing(opened, program, look)
         plan = _planned(opened, found[0], look)
         if not opened.as_json or arguments.flag("plan"):
-            _say(opened, plan.lines(), plan.as_dict())
+            _say(opened, program, plan.lines(), plan.as_dict())
         if arguments.flag("plan"):
             return ExitCode.CHANGES
         return _begin(opened, program, plan, selection)
+
+
+def _rehearse(arguments: Arguments) -> ExitCode:
+    """Let both programs of a transfer run on this computer. Raises UsageError, NothingMatched."""
+    from atlantis_netcfg.cli._rehearse import announce
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.core.errors import ExitCode, UsageError
+    from atlantis_netcfg.operations.link_use import bearer_named
+    from atlantis_netcfg.operations.retrieve import RetrievalSelection, plan, source_at
+    from atlantis_netcfg.operations.retrieve_rehearsed import (
+        NOT_REHEARSED,
+        ROBOT_NOT_REHEARSED,
+        rehearsed_transfer,
+        with_example,
+    )
+
+    more = [f"`{name}=`" for name in ("files", "via", "order") if arguments.optional(name) is not None]
+    more += [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
+    if more:
+        raise UsageError(
+            f"`--rehearse` goes the whole way by itself: it takes no {' and no '.join(more)}", hint="leave that out"
+        )
+    site, found = arguments.word("site"), []
+
+    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        declared, example = with_example(declaration, site)
+        source, host = source_at(declared, site, arguments.optional("from"))
+        found.append((declared, source, example))
+        return (host,)
+
+    with session(arguments, chosen=chosen) as opened:
+        declared, source, example = found[0]
+        announce(opened)
+        named = arguments.optional("link")
+        bearers = declared.sites[site].bearers
+        bearer = bearers[0] if named is None else bearer_named(declared, site, named)
+        with rehearsed_transfer(declared, source, bearer) as transfer:
+            program = transfer.program
+            made = plan(declared, source, bearer.name, program.look(RetrievalSelection()))
+            if not opened.as_json:
+                _say(opened, program, [*([example] if example else []), *made.lines()], {})
+            status = transfer.run(made)
+            same = transfer.same()
+            lines = [*status.lines(site), *transfer.lines(same=same)]
+            untold = [*NOT_REHEARSED, *([ROBOT_NOT_REHEARSED] if made.robot is not None else [])]
+            document = {**status.as_dict(), "rehearsed": True, "same": same, "not_rehearsed": untold}
+            _say(opened, program, [*lines, *(f"  not rehearsed: {each}" for each in untold)], document)
+            return status.exit if same else max(status.exit, ExitCode.CHECKS_FAILED)
 
 
 def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
@@ -111,18 +175,18 @@ def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
         )
 
 
-def _nothing(opened: CommandSession, look: dict[str, int]) -> ExitCode:
+def _nothing(opened: CommandSession, program: RetrievalProgram, look: dict[str, Any]) -> ExitCode:
     """Done where all that matches was retrieved before; else nothing has matched."""
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.retrieve import left_out
 
     done = look["kept"] and not look["writing"] and not look["unnamed"]
     lines = ["nothing to send" if done else "no file to send", *left_out(look)]
-    _say(opened, lines, {name: look[name] for name in ("files", "bytes", "kept", "writing", "unnamed")})
+    _say(opened, program, lines, {name: look[name] for name in ("files", "bytes", "kept", "writing", "unnamed")})
     return ExitCode.DONE if done else ExitCode.NOTHING
 
 
-def _planned(opened: CommandSession, source: RetrievalSource, look: dict[str, int]) -> RetrievalPlan:
+def _planned(opened: CommandSession, source: Source, look: dict[str, Any]) -> RetrievalPlan:
     """Over the link that a person names, or that the router says is in use. Raises UsageError, DeviceFailed."""
     from atlantis_netcfg.operations.link_use import bearer_named
     from atlantis_netcfg.operations.retrieve import plan
@@ -170,7 +234,12 @@ def _begin(
     program.start(plan.job(selection, new_number()))
     if opened.arguments.flag("leave"):
         status = program.status()
-        _say(opened, ["begun: the gateway sends by itself", shown_by(opened.hosts[0])], status.as_dict())
+        _say(
+            opened,
+            program,
+            ["begun: the gateway sends by itself", shown_by(program.host, program.source)],
+            status.as_dict(),
+        )
         return ExitCode.DONE if status.runs or status.whole else status.exit
     return _watched(opened, program)
 
@@ -182,7 +251,7 @@ def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
     from atlantis_netcfg.core.events import Event, Stage
     from atlantis_netcfg.operations.retrieve import shown_by
 
-    name, period_s = opened.hosts[0].name, _SLOWLY_S if program.slow else _OFTEN_S
+    name, period_s = program.host.name, _SLOWLY_S if program.slow else _OFTEN_S
     try:
         with progress(quiet=opened.as_json) as notify:
             while (status := _patient(program)) is None or status.runs:
@@ -192,9 +261,9 @@ def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
     except KeyboardInterrupt:
         raise OutcomeUnknown(
             f"nobody watches any more; {name} goes on sending by itself",
-            hint=shown_by(opened.hosts[0]),
+            hint=shown_by(program.host, program.source),
         ) from None
-    return _tell(opened, status)
+    return _tell(opened, program, status)
 
 
 _OFTEN_S, _SLOWLY_S = 2.0, 30.0
@@ -215,28 +284,28 @@ def _ended_or_told(opened: CommandSession, program: RetrievalProgram, order: str
     from atlantis_netcfg.core.errors import ExitCode
 
     if order == "status":
-        return _tell(opened, program.status())
+        return _tell(opened, program, program.status())
     before = program.status()
     if not before.runs:
-        _say(opened, ["nothing goes on, so there is nothing to stop"], before.as_dict())
+        _say(opened, program, ["nothing goes on, so there is nothing to stop"], before.as_dict())
         return ExitCode.NOTHING
     after = program.stop()
-    _say(opened, after.lines(opened.site), after.as_dict())
+    _say(opened, program, after.lines(opened.site), after.as_dict())
     return ExitCode.DONE if not after.runs else ExitCode.FAILED
 
 
-def _tell(opened: CommandSession, status: RetrievalStatus) -> ExitCode:
-    _say(opened, status.lines(opened.site), status.as_dict())
+def _tell(opened: CommandSession, program: RetrievalProgram, status: RetrievalStatus) -> ExitCode:
+    _say(opened, program, status.lines(opened.site), status.as_dict())
     return status.exit
 
 
-def _say(opened: CommandSession, lines: Sequence[str], data: dict[str, object]) -> None:
+def _say(opened: CommandSession, program: RetrievalProgram, lines: Sequence[str], data: dict[str, object]) -> None:
     import json
 
     from atlantis_netcfg.core import printable
 
     if opened.as_json:
-        print(json.dumps({"site": opened.site, "from": opened.hosts[0].name, **data}, ensure_ascii=False))
+        print(json.dumps({"site": opened.site, "from": program.source.name, **data}, ensure_ascii=False))
         return
     for line in lines:
         print(printable.line(translate(line)), flush=True)

@@ -80,6 +80,9 @@ _UNITS = (
     ("baud", "bit/s"),
 )
 _FORMS: Mapping[str, str] = {
+    "RetrievalRobot.folder": "/home/recorder/bags",
+    "RetrievalRobot.host_key": "ssh-ed25519 AAAA…",
+    "Ssh.host_key": "ssh-ed25519 AAAA…",
     "aliases": "[SENSE]",
     "apn": "internet.example",
     "archive": "backend.tar",
@@ -112,6 +115,7 @@ _FORMS: Mapping[str, str] = {
     "people": "[B. Pilot]",
     "pin": "!vault |",
     "replaces": "[/etc/netplan/50-cloud-init.yaml]",
+    "robot": "sparus",
     "router_port": "ether4",
     "sees": "[sparus]",
     "seen_by": "coastal-router",
@@ -308,8 +312,8 @@ def example_of(model: type[BaseModel], name: str, examples: Mapping[_Key, str]) 
     field = model.model_fields[name]
     if (model, name) in examples:
         return examples[model, name]
-    if name in _FORMS:
-        return _FORMS[name]
+    if (form := _FORMS.get(f"{model.__name__}.{name}", _FORMS.get(name))) is not None:
+        return form
     if not field.is_required() and field.default not in (None, ()) and not isinstance(field.default, BaseModel):
         default = field.default
         return _written(default.value if isinstance(default, Enum) else default)

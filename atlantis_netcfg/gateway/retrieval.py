@@ -1,9 +1,12 @@
-"""Recordings from gateways to the control centre: what each end needs for it, laid down with `gateway_base`.
+"""Recordings from gateways and robots to the control centre: what each end needs, laid down with `gateway_base`.
 
 A gateway logs in to an account of its own kind at the control centre, through the VPN. Its key there is its SSH host
 key, which is declared: nothing is exchanged between the two, and a card that is set up anew brings no key that nobody
 knows. sshd gives that key, from that address, one program alone, which writes below one folder and nothing else. The
 gateway in its turn takes nothing but the declared host key of the control centre.
+
+What is on a robot is collected by its gateway first. The robot's computer is its owner's: nothing is laid down there,
+and the owner admits the gateway by one line (`line_for_robot`), to one folder, to read it alone.
 
 Both let SSH in from the VPN, as every computer of the pilot does, and the policy of the VPN lets our own hosts reach
 one another: no row of a firewall is added.
@@ -14,7 +17,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import ServerComputer
+from atlantis_netcfg.declaration.model import COLLECTED, RetrievalRobot, ServerComputer
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Unit, run_on
 from atlantis_netcfg.render import environment
 
@@ -27,6 +30,7 @@ PROGRAM = "/usr/local/lib/atlantis/retrieval.py"
 STATE = "/var/lib/atlantis/retrieval"
 USER = "svc-retrieval"
 PACKAGES = ("openssh-client", "rsync")
+_ROBOT_PROGRAM = "/usr/local/lib/atlantis/retrieval_robot.py"
 _SETTINGS = "/etc/atlantis/retrieval.json"
 _KNOWN_HOSTS = "/etc/atlantis/retrieval.known_hosts"
 _UNIT = f"/etc/systemd/system/{SERVICE}"
@@ -51,28 +55,42 @@ Match User {USER}
 """
 
 
-def source_of(declaration: Declaration, host: str) -> RetrievalSource | None:
-    """What is declared to be brought from a host."""
+def sources_of(declaration: Declaration, host: str) -> tuple[RetrievalSource | RetrievalRobot, ...]:
+    """What is declared to be sent by a gateway: its own recordings, then those of robots."""
     retrieval = declaration.pilot.retrieval
-    sources = () if retrieval is None else retrieval.sources
-    return next((source for source in sources if source.host == host), None)
+    sources = () if retrieval is None else retrieval.all_sources
+    return tuple(source for source in sources if source.host == host)
 
 
 def packages(declaration: Declaration, host: Host) -> tuple[str, ...]:
     """What either end runs."""
     retrieval = declaration.pilot.retrieval
-    ends = () if retrieval is None else (retrieval.to, *(source.host for source in retrieval.sources))
+    ends = () if retrieval is None else (retrieval.to, *(source.host for source in retrieval.all_sources))
     return PACKAGES if host.name in ends else ()
+
+
+def robot_address(declaration: Declaration, robot: RetrievalRobot) -> str:
+    """The declared address, else that of the robot's reservation at the gateway's site."""
+    if robot.address is not None:
+        return str(robot.address)
+    lan = declaration.sites[declaration.hosts[robot.host].site].lan
+    return next(str(each.address) for each in lan.reservations if each.name == robot.robot)
+
+
+def line_for_robot(declaration: Declaration, robot: RetrievalRobot) -> str:
+    """For `authorized_keys` of the robot's account: one folder, to read it and nothing else."""
+    kind, key = (_computer(declaration, robot.host).ssh.host_key or "").split(" ")[:2]
+    return f'restrict,command="rrsync -ro {robot.folder}" {kind} {key} {robot.host}'
 
 
 def retrieval(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> Configuration:
     """Pure. Where nothing is declared of a computer: what is taken away. In a rehearsal it has another host key."""
-    declared, source = declaration.pilot.retrieval, source_of(declaration, host.name)
-    sends = () if declared is None or source is None else _sender(declaration, host, declared, source)
+    declared, sources = declaration.pilot.retrieval, sources_of(declaration, host.name)
+    sends = () if declared is None or not sources else _sender(declaration, host, declared, sources)
     takes = () if declared is None or declared.to != host.name else _receiver(declaration, declared)
     files = (*sends, *takes)
     laid = {file.path for file in files}
-    ours = (_UNIT, PROGRAM, _SETTINGS, _KNOWN_HOSTS, _SSHD, _KEYS, _RECEIVER, _ACCOUNT, _FOLDER)
+    ours = (_UNIT, PROGRAM, _ROBOT_PROGRAM, _SETTINGS, _KNOWN_HOSTS, _SSHD, _KEYS, _RECEIVER, _ACCOUNT, _FOLDER)
     return Configuration(
         files=files,
         absent=tuple(path for path in ours if path not in laid),
@@ -87,33 +105,53 @@ def retrieval(declaration: Declaration, host: Host, *, rehearsed: bool = False) 
     )
 
 
-def _sender(declaration: Declaration, host: Host, declared: Retrieval, source: RetrievalSource) -> tuple[File, ...]:
+def _sender(
+    declaration: Declaration, host: Host, declared: Retrieval, sources: tuple[RetrievalSource | RetrievalRobot, ...]
+) -> tuple[File, ...]:
     centre, device = _computer(declaration, declared.to), _computer(declaration, host.name)
     settings = {
-        "folder": source.folder,
         "from": str(device.vpn_address),
+        "from_host": host.name,
         "to": declared.to,
         "address": str(centre.vpn_address),
         "port": centre.ssh.port,
         "user": USER,
         "key": _key_file(device),
+        "sources": {source.name: _source(declaration, source) for source in sources},
     }
+    robots = [source for source in sources if isinstance(source, RetrievalRobot)]
+    known = [(declared.to, centre.ssh.host_key), *((robot.robot, robot.host_key) for robot in robots)]
     templates = environment()
+    unit = templates.get_template("gateway/retrieval.service.j2")
     return (
         File(_SETTINGS, json.dumps(settings, indent=1) + "\n"),
-        File(_KNOWN_HOSTS, f"{declared.to} {centre.ssh.host_key}\n"),
+        File(_KNOWN_HOSTS, "".join(f"{name} {key}\n" for name, key in known)),
         File(PROGRAM, templates.get_template("gateway/retrieval.py").render()),
-        File(_UNIT, templates.get_template("gateway/retrieval.service.j2").render(program=PROGRAM, state=STATE)),
+        File(_ROBOT_PROGRAM, templates.get_template("gateway/retrieval_robot.py").render()),
+        File(_UNIT, unit.render(program=PROGRAM, state=STATE, collected=COLLECTED)),
     )
+
+
+def _source(declaration: Declaration, source: RetrievalSource | RetrievalRobot) -> dict[str, str | int]:
+    if not isinstance(source, RetrievalRobot):
+        return {"folder": source.folder}
+    return {
+        "folder": f"{COLLECTED}/{source.robot}",
+        "budget": source.budget_mb * 1_000_000,
+        "robot_address": robot_address(declaration, source),
+        "robot_port": source.port,
+        "robot_user": source.user,
+    }
 
 
 def _receiver(declaration: Declaration, declared: Retrieval) -> tuple[File, ...]:
     lines = []
-    for source in declared.sources:
-        device = _computer(declaration, source.host)
-        command = f"/usr/bin/python3 -I {_RECEIVER} {source.host} {declared.folder} {declared.budget_mb}"
+    for host in dict.fromkeys(source.host for source in declared.all_sources):
+        device = _computer(declaration, host)
+        names = ",".join(source.name for source in sources_of(declaration, host))
+        command = f"/usr/bin/python3 -I {_RECEIVER} {names} {declared.folder} {declared.budget_mb}"
         kind, key = (device.ssh.host_key or "").split(" ")[:2]
-        lines.append(f'restrict,from="{device.vpn_address}",command="{command}" {kind} {key} {source.host}\n')
+        lines.append(f'restrict,from="{device.vpn_address}",command="{command}" {kind} {key} {host}\n')
     return (
         File(_ACCOUNT, f'u {USER} - "ATLANTIS recordings" {declared.folder} /bin/sh\n'),
         File(_FOLDER, f"d {declared.folder} 0750 {USER} {USER} -\n"),

@@ -1,8 +1,9 @@
-"""Bring recordings from a gateway to the control centre: what it takes, what it costs, and how it stands.
+"""Bring recordings of a gateway or a robot to the control centre: what it takes, what it costs, and how it stands.
 
 The transfer itself is the gateway's (`templates/gateway/retrieval.py`): it outlives the technician's connection. Here
 it is looked at, given a rate and a cap, begun, watched and ended. What the gateway says of a file it says after the
-control centre has read that file again.
+control centre has read that file again. What is on a robot the gateway collects first, over the LAN, which costs
+nothing; a robot that goes meanwhile is waited for, some minutes long.
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.bearers.cost import Bill, Preview, bill, preview, size
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError, nearest
-from atlantis_netcfg.declaration.model import RetrievalPriority
-from atlantis_netcfg.gateway.retrieval import PROGRAM, source_of
+from atlantis_netcfg.declaration.model import RetrievalPriority, RetrievalRobot, RetrievalSource
+from atlantis_netcfg.gateway.retrieval import PROGRAM, line_for_robot, sources_of
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
 from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.vpn.link import ssh_command
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.bearers.cost import MeteredLink
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer, RetrievalSource
+    from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.operations.request import Request
 
 SHARES: Final[Mapping[RetrievalPriority, float]] = {
@@ -50,7 +51,8 @@ _SPARE: Final = 1.25
 """How much more than expected may be sent before the transfer ends by itself: connections that had to be made anew."""
 _ANSWER_S: Final = 300.0
 _NO_PROGRAM: Final = "can't open file"
-_STARTED: Final = ("sending", "waiting")
+_STARTED: Final = ("collecting", "sending", "waiting")
+Source = RetrievalSource | RetrievalRobot
 
 
 class GatewayAway(DeviceFailed):
@@ -65,8 +67,8 @@ class NotBegun(DeviceFailed):
     """The gateway has said why it does not begin."""
 
 
-def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[RetrievalSource, Host]:
-    """The one source of a site, or the named one. Raises NothingMatched, UsageError."""
+def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[Source, Host]:
+    """The one source of a site, or the named one, and the gateway that sends. Raises NothingMatched, UsageError."""
     if declaration.pilot.retrieval is None:
         raise NothingMatched(
             "no recordings are declared to be retrieved",
@@ -79,24 +81,26 @@ def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[Re
             f"`site={site}`: recordings are retrieved from one site at a time",
             hint=f"did you mean `site={near}`? {listed}" if near else listed,
         )
-    hosts = [host.name for host in declaration.site_hosts(site) if source_of(declaration, host.name) is not None]
-    if not hosts:
+    sources = {
+        source.name: source for host in declaration.site_hosts(site) for source in sources_of(declaration, host.name)
+    }
+    if not sources:
         raise NothingMatched(
             f"no recordings of {site} are declared to be retrieved",
             hint="add a gateway of it to `retrieval.sources` in group_vars/all/pilot.yml",
         )
-    if name is None and len(hosts) > 1:
-        raise UsageError(f"{site} has more than one source of recordings", hint=f"name one: `from={hosts[0]}`")
-    chosen = hosts[0] if name is None else name
-    source = source_of(declaration, chosen) if chosen in hosts else None
+    choices = f"choose one of these: {', '.join(f'`from={each}`' for each in sources)}"
+    if name is None and len(sources) > 1:
+        raise UsageError(f"{site} has recordings of more than one computer", hint=choices)
+    chosen = next(iter(sources)) if name is None else name
+    source = sources.get(chosen)
     if source is None:
-        near = nearest(chosen, hosts)
-        listed = f"there are: {', '.join(hosts)}"
+        near = nearest(chosen, sources)
         raise UsageError(
             f"`from={chosen}`: no recordings of it are declared at {site}",
-            hint=f"did you mean `from={near}`? {listed}" if near else listed,
+            hint=f"did you mean `from={near}`? {choices}" if near else choices,
         )
-    return source, declaration.hosts[chosen]
+    return source, declaration.hosts[source.host]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +117,43 @@ class RetrievalSelection:
 
 
 @dataclass(frozen=True, slots=True)
+class RobotLook:
+    """What the gateway has seen of a robot's folder."""
+
+    name: str
+    gateway: str
+    state: str
+    """`answers`, or `away`: what is on it was not looked at."""
+    files: int
+    """That are to be collected first."""
+    bytes: int
+    lacking: int
+    """Bytes that are missing on the gateway for them."""
+    why: str = ""
+
+    def lines(self) -> list[str]:
+        """What a person reads of it before a transfer begins."""
+        if self.state != "answers":
+            return [f"what is on {self.name} was not looked at: {self.why}"]
+        if not self.files:
+            return []
+        return [f"{_files(self.files)} on {self.name}, {size(self.bytes)}: {self.gateway} collects them first"]
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON-able data."""
+        return {name: getattr(self, name) for name in ("state", "files", "bytes", "lacking", "why")}
+
+
+def robot_look(source: Source, look: Mapping[str, Any]) -> RobotLook | None:
+    """Pure."""
+    if not isinstance(source, RetrievalRobot):
+        return None
+    seen = look["robot"]
+    files, octets, lacking = (int(seen[name]) for name in ("files", "bytes", "lacking"))
+    return RobotLook(source.robot, source.host, seen["state"], files, octets, lacking, seen.get("why", ""))
+
+
+@dataclass(frozen=True, slots=True)
 class RetrievalPlan:
     """What a transfer takes over the link in use, before it begins."""
 
@@ -123,6 +164,8 @@ class RetrievalPlan:
     """What the gateway has seen in its folder."""
     rtt_max_s: float | None
     """An answer that takes longer comes over another link, which is paid by the byte; None: there is none such."""
+    robot: RobotLook | None = None
+    """None: the gateway's own recordings."""
 
     @property
     def files(self) -> int:
@@ -163,6 +206,7 @@ class RetrievalPlan:
             **selection.as_dict(),
             "before": self.look["before"],
             "agreed_bytes": self.look["bytes"],
+            "robot": self.robot.state if self.robot is not None else "none",
             "id": number,
             "link": self.link.name,
             "rate_bps": self.rate_bps,
@@ -177,6 +221,7 @@ class RetrievalPlan:
         share = f"{SHARES[self.priority]:.0%}".replace("%", " %")
         return [
             f"{_files(self.files)} to send, {size(int(self.look['bytes']))}",
+            *(self.robot.lines() if self.robot is not None else ()),
             *left_out(self.look),
             f"{self.cost.words}, in {duration(self.seconds)} at least",
             f"at {rate}: priority {self.priority.value} takes {share} of what {self.link.name} is declared with",
@@ -185,10 +230,11 @@ class RetrievalPlan:
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data."""
         seen = {name: self.look[name] for name in ("files", "bytes", "compared", "kept", "writing", "unnamed")}
-        return {**seen, "rate_bps": self.rate_bps, "seconds": round(self.seconds), "cost": self.cost.as_dict()}
+        robot = {} if self.robot is None else {"robot": self.robot.as_dict()}
+        return {**seen, **robot, "rate_bps": self.rate_bps, "seconds": round(self.seconds), "cost": self.cost.as_dict()}
 
 
-def plan(declaration: Declaration, source: RetrievalSource, link: str, look: Mapping[str, Any]) -> RetrievalPlan:
+def plan(declaration: Declaration, source: Source, link: str, look: Mapping[str, Any]) -> RetrievalPlan:
     """Pure. `link` is the one that carries the traffic of the source's site."""
     site = declaration.hosts[source.host].site
     bearers = declaration.sites[site].bearers
@@ -199,7 +245,8 @@ def plan(declaration: Declaration, source: RetrievalSource, link: str, look: Map
         if other.name != link and other.metered and other.rate.rtt_ms > _APART * bearer.rate.rtt_ms
     ]
     between = math.sqrt(bearer.rate.rtt_ms * min(slower)) / 1000 if slower else None
-    return RetrievalPlan(link_of(declaration, site, link), bearer, source.priority, look, between)
+    robot = robot_look(source, look)
+    return RetrievalPlan(link_of(declaration, site, link), bearer, source.priority, look, between, robot)
 
 
 _APART: Final = 3
@@ -213,10 +260,12 @@ class RetrievalStatus:
     answer: Mapping[str, Any]
     link: MeteredLink | None
     """None: there was no transfer, or its link is declared no more."""
+    source: str = ""
+    """Whose recordings they are."""
 
     @property
     def state(self) -> str:
-        """`none`, `sending`, `waiting`, `done`, `failed`, `spent`, `stopped`; `lost`: it has ended without a word."""
+        """As its program says; `none`: there was no transfer, `lost`: it has ended without a word."""
         state = str(self.answer["state"])
         return "lost" if state in _STARTED and not self.runs else state
 
@@ -233,7 +282,8 @@ class RetrievalStatus:
     @property
     def whole(self) -> bool:
         """Whether every file of it was read again at the control centre and found the same."""
-        return self.state == "done" and not self.left and self.answer.get("arrived") == self.answer.get("files")
+        arrived = self.answer.get("arrived") == self.answer.get("files")
+        return self.state == "done" and not self.left and arrived and not self.answer.get("unseen")
 
     @property
     def spent(self) -> Bill:
@@ -253,6 +303,11 @@ class RetrievalStatus:
 
     def progress(self) -> str:
         """One line while it goes on."""
+        if self.state == "collecting":
+            done, files = self.answer.get("collected", 0), _files(int(self.answer.get("collect", 0)))
+            why = f": {self.answer['why']}" if self.answer.get("why") else ""
+            here = size(int(self.answer.get("collected_bytes", 0)))
+            return f"collects from {self.source}, {done} of {files}, {here} on the gateway{why}"
         wire, files = size(int(self.answer["wire_bytes"])), self.answer.get("files", 0)
         over = f" over {self.answer['link']}" if "link" in self.answer else ""
         cost = f", {self.spent.money}" if self.link is not None and self.link.metered else ""
@@ -261,10 +316,11 @@ class RetrievalStatus:
 
     def lines(self, site: str) -> list[str]:
         """What a person reads of it."""
-        again = f"`provision retrieve site={site}` goes on, and sends nothing twice"
+        again = f"`provision retrieve site={site} from={self.source}` goes on, and sends nothing twice"
         closing = {
             "none": ["nothing has been retrieved from here yet"],
             "sending": [f"it goes on: {self.progress()}"],
+            "collecting": [f"it goes on: {self.progress()}"],
             "waiting": [self.progress()],
             "stopped": ["it was stopped; what has arrived stays at the control centre", again],
             "spent": ["it has ended by itself: it has sent as much as was agreed to", again],
@@ -283,8 +339,12 @@ class RetrievalStatus:
             "changed": "changed while it was sent: type the same again when it is written to no more",
             "gone": "is there no more",
             "differ": "is not the same at the control centre, though it was sent again: look at both disks",
+            "unread": f"could not be read on {self.source}, or is there no more",
+            "robot": f"is still on {self.source}: {self.answer.get('why') or 'it was not collected'}",
         }
         lost = [f"{path}: was not the same at the control centre any more" for path in self.answer.get("lost", ())]
+        if self.answer.get("unseen"):
+            lost.append(f"what is on {self.source} was not looked at: {self.answer['unseen']}")
         return [*lost, *(f"{path}: {words[name]}" for name, paths in self.left.items() for path in paths)]
 
     def as_dict(self) -> dict[str, Any]:
@@ -300,32 +360,67 @@ class RetrievalStatus:
         }
 
 
-class RetrievalProgram:
-    """The program of a gateway, asked by SSH."""
+def program_by_ssh(declaration: Declaration, source: Source, request: Request) -> RetrievalProgram:
+    """The program on the gateway of a source."""
+    host = declaration.hosts[source.host]
+    access = computer_access(declaration, host, request)
 
-    def __init__(self, declaration: Declaration, host: Host, request: Request) -> None:
-        self._declaration, self._host = declaration, host
-        self._access = computer_access(declaration, host, request)
-        self.slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
+    def command(verb: str) -> list[str]:
+        line = f"python3 -I {PROGRAM} {verb}"
+        return [*ssh_command(access), f"sudo -H -n sh -c {shlex.quote(line)}" if access["become"] else line]
+
+    slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
+    return RetrievalProgram(declaration, source, command, slow=slow)
+
+
+class RetrievalProgram:
+    """The program of a gateway, asked about one source; `command` gives what is run here for a verb of it."""
+
+    def __init__(
+        self, declaration: Declaration, source: Source, command: Callable[[str], list[str]], *, slow: bool = False
+    ) -> None:
+        self._declaration, self.source, self.host = declaration, source, declaration.hosts[source.host]
+        self._command, self.slow = command, slow
 
     def look(self, selection: RetrievalSelection) -> dict[str, Any]:
         """What there is to send. Raises GatewayAway, DeviceFailed."""
         seen = self._ask("look", selection.as_dict())
         if not seen["folder"]:
             raise DeviceFailed(
-                f"{self._host.name} has no such folder: {seen['place']}",
+                f"{self.host.name} has no such folder: {seen['place']}",
                 hint="`retrieval.sources` in group_vars/all/pilot.yml names the folder of the recordings",
             )
+        self._refuse_robot(seen)
         return seen
+
+    def _refuse_robot(self, seen: Mapping[str, Any]) -> None:
+        """Raises DeviceFailed where nothing can be brought from the robot, in words for its owner."""
+        source, robot = self.source, robot_look(self.source, seen)
+        if robot is None or not isinstance(source, RetrievalRobot):
+            return
+        if robot.state == "away" and not seen["files"]:
+            hint = "bring it to the LAN of the gateway, with its power on, and type the same again"
+            raise DeviceFailed(f"nothing was collected: {robot.why}", hint=hint)
+        if robot.state == "refused":
+            kind = seen["robot"]["kind"]
+            line = line_for_robot(self._declaration, source)
+            admit = f"its owner installs rsync, and writes this line in authorized_keys of {source.user} on it: {line}"
+            trust = f"if it is the robot: write its new key as `host_key` of {robot.name} in `retrieval.robots`"
+            hints = {"key": admit, "program": admit, "host_key": trust}
+            account = f"let {source.user} read all of {source.folder} on {robot.name}, then type the same again"
+            raise DeviceFailed(f"nothing was collected: {robot.why}", hint=hints.get(kind, account))
+        if robot.lacking:
+            hint = "take fewer files with `files=`, or declare a higher `budget_mb` of it in `retrieval.robots`"
+            raise DeviceFailed(f"{size(robot.lacking)} are missing on {robot.gateway} for {robot.name}", hint=hint)
 
     def start(self, job: Mapping[str, Any]) -> None:
         """Let it begin. Raises NotBegun; BeginningUnknown where the answer was lost."""
-        name = self._host.name
+        name = self.host.name
         try:
             answer = self._ask("start", job)
         except GatewayAway as error:
             raise BeginningUnknown(
-                f"whether {name} has begun is not known: {error}", hint=shown_by(self._host)
+                f"whether {name} has begun is not known: {error}", hint=shown_by(self.host, self.source)
             ) from None
         if (why := answer.get("error")) is None:
             return
@@ -333,9 +428,10 @@ class RetrievalProgram:
             "running": "a transfer goes on there already",
             "more": "there is more to send now than was looked at",
             "nothing": "there is nothing to send any more",
+            "robot": f"{self.source.name} answers no more" if answer.get("why") else f"{self.source.name} answers now",
             "unit": f"its unit does not start: {answer.get('why')}",
         }
-        hint = shown_by(self._host) if why == "running" else "type the same again"
+        hint = shown_by(self.host, self.source) if why == "running" else "type the same again"
         raise NotBegun(f"{name} does not begin: {words[why]}", hint=hint)
 
     def status(self) -> RetrievalStatus:
@@ -346,25 +442,25 @@ class RetrievalProgram:
         """End it, and say how it stands. Raises GatewayAway, DeviceFailed."""
         answer = self._ask("stop", {})
         if "error" in answer:
-            raise DeviceFailed(f"{self._host.name} does not stop: {answer.get('why')}", hint="type the same again")
+            raise DeviceFailed(f"{self.host.name} does not stop: {answer.get('why')}", hint="type the same again")
         return self._status(answer)
 
     def _status(self, answer: Mapping[str, Any]) -> RetrievalStatus:
-        links = {bearer.name for bearer in self._declaration.sites[self._host.site].bearers}
+        links = {bearer.name for bearer in self._declaration.sites[self.host.site].bearers}
         name = answer.get("link")
-        return RetrievalStatus(
-            answer, link_of(self._declaration, self._host.site, str(name)) if name in links else None
-        )
+        link = link_of(self._declaration, self.host.site, str(name)) if name in links else None
+        return RetrievalStatus(answer, link, self.source.name)
 
     def _ask(self, verb: str, values: Mapping[str, Any]) -> dict[str, Any]:
-        name = self._host.name
-        command = f"python3 -I {PROGRAM} {verb}"
-        if self._access["become"]:
-            command = f"sudo -H -n sh -c {shlex.quote(command)}"
-        words = [*ssh_command(self._access), command]
+        name = self.host.name
         try:
             done = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
-                words, input=json.dumps(values), capture_output=True, text=True, timeout=_ANSWER_S, check=False
+                self._command(verb),
+                input=json.dumps({**values, "source": self.source.name}),
+                capture_output=True,
+                text=True,
+                timeout=_ANSWER_S,
+                check=False,
             )
         except subprocess.TimeoutExpired:
             raise GatewayAway(f"{name} did not answer within {_ANSWER_S:.0f} s", hint="type the same again") from None
@@ -376,18 +472,23 @@ class RetrievalProgram:
             answer: dict[str, Any] = json.loads(done.stdout.strip().rpartition("\n")[2])
         except ValueError:
             raise GatewayAway(f"the answer of {name} did not come whole", hint="type the same again") from None
+        if answer.get("source") != self.source.name:
+            raise self._not_set_up()
         return answer
 
+    def _not_set_up(self) -> DeviceFailed:
+        retrieval, name = self._declaration.pilot.retrieval, self.host.name
+        centre = self.host if retrieval is None else self._declaration.hosts[retrieval.to]
+        return DeviceFailed(
+            f"{name} has not been set up for this",
+            hint=f"type `provision site={self.host.site} only={name}`, and `provision site={centre.site} "
+            f"only={centre.name}`",
+        )
+
     def _failure(self, text: str) -> DeviceFailed:
-        name = self._host.name
+        name = self.host.name
         if _NO_PROGRAM in text or "are declared" in text:
-            retrieval = self._declaration.pilot.retrieval
-            centre = self._host if retrieval is None else self._declaration.hosts[retrieval.to]
-            return DeviceFailed(
-                f"{name} has not been set up for this",
-                hint=f"type `provision site={self._host.site} only={name}`, and `provision site={centre.site} "
-                f"only={centre.name}`",
-            )
+            return self._not_set_up()
         if (trouble := key_trouble(name, text)) is not None:
             return GatewayAway(f"{name} was not reached: {trouble[0]}", hint=trouble[1])
         last = text.strip().rpartition("\n")[2] or "ssh said nothing"
@@ -396,9 +497,9 @@ class RetrievalProgram:
         )
 
 
-def shown_by(host: Host) -> str:
+def shown_by(host: Host, source: Source) -> str:
     """The hint for whoever does not see how it goes on."""
-    return f"`provision retrieve site={host.site} from={host.name} status` shows it, `stop` in its place ends it"
+    return f"`provision retrieve site={host.site} from={source.name} status` shows it, `stop` in its place ends it"
 
 
 def new_number() -> str:

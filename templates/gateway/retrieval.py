@@ -4,9 +4,13 @@
 `run` is the unit: it sends what the job lists by rsync over SSH, goes on where it was whenever the link is back, and
 ends when the control centre has read every file again and found the same SHA-256. `connect` is the way of its ssh to
 the control centre: it keeps to the rate, counts every byte, and ends at the job's cap.
+
+A source is the gateway itself, or a robot: what is on the robot is collected here first (`retrieval_robot.py`), and
+the copy is removed when the control centre has it. What is known of a source stands in a folder of its own, which is
+the working directory. There is one job at a time.
 """
 
-# ruff: noqa: INP001, PTH100, PTH112, PTH118, PTH123, S603, S607 - a program of the gateway; its paths are text
+# ruff: noqa: INP001, PTH100, PTH108, PTH112, PTH118, PTH120, PTH123, S603, S607 - a program of the gateway; its paths are text
 
 import contextlib
 import fcntl
@@ -16,7 +20,6 @@ import json
 import os
 import signal
 import socket
-import stat
 import struct
 import subprocess
 import sys
@@ -24,12 +27,25 @@ import threading
 import time
 from pathlib import Path
 
-SETTINGS = Path("/etc/atlantis/retrieval.json")
-KNOWN_HOSTS = "/etc/atlantis/retrieval.known_hosts"
-STATE = Path("/var/lib/atlantis/retrieval")
-JOB, STATUS, COUNTS, KEPT, HASHES, LOCK = (
-    STATE / name for name in ("job.json", "status.json", "counts.json", "kept.json", "hashes.json", "lock")
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from retrieval_robot import (
+    LINK_LOST,
+    ROOT,
+    SOME_LEFT,
+    Away,
+    Refused,
+    Robot,
+    batches,
+    quoted,
+    regular,
+    ssh_words,
 )
+
+SETTINGS = Path(ROOT, "etc/atlantis/retrieval.json")
+STATE = Path(ROOT, "var/lib/atlantis/retrieval")
+JOB, LOCK = STATE / "job.json", STATE / "lock"
+STATUS, COUNTS, KEPT, HASHES = (Path(name) for name in ("status.json", "counts.json", "kept.json", "hashes.json"))
+"""Of the source."""
 UNIT = "atlantis-retrieval.service"
 QUIET_S = 60
 """A file that was written to later than this is still being written."""
@@ -38,10 +54,6 @@ WIRE = 1.2
 PAUSES_S = (5, 10, 20, 30)
 ROUNDS = 3
 """How often a file that arrived otherwise is sent again."""
-LINK_LOST = frozenset({10, 12, 20, 30, 35, 255})
-"""Of rsync(1) and ssh(1): socket, protocol stream, signal, timeouts, ssh itself."""
-SOME_LEFT = frozenset({23, 24})
-"""Of rsync(1): some files were not sent, or have gone; what arrived is read again all the same."""
 _OTHER_KEY = "whoever answers for the control centre has not its declared SSH host key, so nothing was sent"
 PERMANENT = {
     "Permission denied": "the control centre does not admit this gateway: another key, or another address in the VPN",
@@ -58,14 +70,6 @@ NOTED_S = 0.25
 SLOW_S = 10
 RTT_AT = 68
 """In `struct tcp_info` of Linux (tcp.h): `tcpi_rtt`, in microseconds."""
-
-
-class Away(Exception):
-    """The control centre was not reached, or no more: what has arrived stays, and is not sent again."""
-
-
-class Refused(Exception):
-    """What no second try would change."""
 
 
 def read(path: Path, default: "object" = None) -> "object":
@@ -94,25 +98,26 @@ def note(**values: "object") -> None:
     write(STATUS, now)
 
 
-def names(folder: str) -> "list[tuple[str, os.stat_result]]":
-    """Regular files below a folder, by their paths in it; links are not followed."""
-    found = []
-    for place, folders, files in os.walk(folder):
-        folders.sort()
-        for name in sorted(files):
-            path = os.path.join(place, name)
-            with contextlib.suppress(OSError):
-                state = os.lstat(path)
-                if stat.S_ISREG(state.st_mode):
-                    found.append((os.path.relpath(path, folder), state))
-    return found
+def found(settings: "dict") -> "tuple[list, dict | None]":
+    """Rows of path, size and time of all files of the source, and what is known of its robot."""
+    here = [[path, state.st_size, state.st_mtime_ns] for path, state in regular(settings["folder"])]
+    if "robot_user" not in settings:
+        return here, None
+    try:
+        there = Robot(settings).list()
+    except (Away, Refused) as error:
+        state = "away" if isinstance(error, Away) else "refused"
+        return here, {"state": state, "kind": getattr(error, "kind", ""), "why": str(error)}
+    rows = {row[0]: row for row in (*here, *there)}
+    return [rows[path] for path in sorted(rows)], {"state": "answers", "paths": [row[0] for row in there]}
 
 
 def listed(settings: "dict", request: "dict") -> "dict":
     """What would be sent: files that match, are written to no more, and are not at the control centre yet."""
     kept, rows, writing, before = read(KEPT, {}), [], 0, request["before"]
     already = unnamed = 0
-    for path, state in names(settings["folder"]):
+    files, robot = found(settings)
+    for path, size, when in files:
         if not fnmatch.fnmatchcase(path, request["pattern"]):
             continue
         try:
@@ -122,12 +127,12 @@ def listed(settings: "dict", request: "dict") -> "dict":
             continue
         if not path.isprintable():
             unnamed += 1
-        elif state.st_mtime > before - QUIET_S:
+        elif when > (before - QUIET_S) * 1e9:
             writing += 1
-        elif not request["again"] and kept.get(path, [])[:2] == [state.st_size, state.st_mtime_ns]:
+        elif not request["again"] and kept.get(path, [])[:2] == [size, when]:
             already += 1
         else:
-            rows.append([path, state.st_size, state.st_mtime_ns])
+            rows.append([path, size, when])
     known = [path in kept and kept[path][:2] == [size, when] for path, size, when in rows]
     return {
         "rows": rows,
@@ -137,16 +142,22 @@ def listed(settings: "dict", request: "dict") -> "dict":
         "kept": already,
         "writing": writing,
         "unnamed": unnamed,
+        "robot": robot,
     }
 
 
 def look(settings: "dict", request: "dict") -> "dict":
-    """Say what would be sent; nothing is contacted."""
+    """Say what would be sent; the control centre is not contacted, a robot is."""
     request.setdefault("before", time.time())
-    found = listed(settings, request)
-    del found["rows"]
+    seen = listed(settings, request)
+    rows, robot = seen.pop("rows"), seen["robot"]
+    if robot is not None:
+        here = Robot(settings)
+        due = [row for row in rows if not here.here(row)]
+        robot.pop("paths", None)
+        robot.update(files=len(due), bytes=sum(row[1] for row in due), lacking=here.lacking(rows))
     there = os.path.isdir(settings["folder"])
-    return dict(found, before=request["before"], folder=there, place=settings["folder"], running=runs())
+    return dict(seen, before=request["before"], folder=there, place=settings["folder"], running=runs())
 
 
 def runs() -> bool:
@@ -160,17 +171,25 @@ def start(settings: "dict", request: "dict") -> "dict":
     """Take a job, if there is none, and let the unit begin."""
     if runs():
         return {"error": "running"}
-    found = listed(settings, request)
-    if found["bytes"] > request["agreed_bytes"]:
-        return {"error": "more", "bytes": found["bytes"]}
-    if not found["rows"]:
+    seen = listed(settings, request)
+    robot = seen["robot"] or {"state": "none"}
+    if robot["state"] != request.get("robot", "none"):
+        return {"error": "robot", "why": robot.get("why", "")}
+    if seen["bytes"] > request["agreed_bytes"]:
+        return {"error": "more", "bytes": seen["bytes"]}
+    if not seen["rows"]:
         return {"error": "nothing"}
+    if robot["state"] == "answers":
+        Robot(settings).forget(set(robot["paths"]))
+        write(KEPT, {path: row for path, row in read(KEPT, {}).items() if path in set(robot["paths"])})
     limits = {name: request[name] for name in ("id", "link", "rate_bps", "cap_bytes", "silence_s", "rtt_max_s")}
     with contextlib.suppress(OSError):
         COUNTS.unlink()
-    totals = {name: found[name] for name in ("files", "bytes")}
+    totals = {name: seen[name] for name in ("files", "bytes")}
+    if robot["state"] == "away":
+        totals["unseen"] = robot["why"]
     write(STATUS, {"state": "sending", "id": request["id"], "link": request["link"], "since": time.time(), **totals})
-    write(JOB, dict(limits, files=found["rows"]))
+    write(JOB, dict(limits, source=settings["source"], files=seen["rows"]))
     subprocess.run(["systemctl", "reset-failed", UNIT], stderr=subprocess.DEVNULL, check=False)
     done = subprocess.run(["systemctl", "start", "--no-block", UNIT], stderr=subprocess.PIPE, check=False)
     if done.returncode:
@@ -179,14 +198,28 @@ def start(settings: "dict", request: "dict") -> "dict":
     return {"started": True}
 
 
-def status(_settings: "dict", _request: "dict") -> "dict":
+def others(settings: "dict") -> bool:
+    """Whether the job is that of another source."""
+    job = read(JOB)
+    return job is not None and job.get("source", settings["source"]) != settings["source"]
+
+
+def status(settings: "dict", _request: "dict") -> "dict":
     """Say how it stands."""
-    counts = read(COUNTS, {})
-    return dict(read(STATUS, {"state": "none"}), running=runs(), job=JOB.exists(), wire_bytes=counts.get("wire", 0))
+    other = others(settings)
+    on = {"running": not other and runs(), "job": not other and JOB.exists()}
+    # Read after that: what ends meanwhile has told its end before.
+    told = dict(read(STATUS, {"state": "none"}), wire_bytes=read(COUNTS, {}).get("wire", 0), **on)
+    if told["state"] == "collecting":
+        robot = Robot(settings)
+        told["collected_bytes"] = robot.begun() + sum(state.st_size for _, state in regular(robot.folder))
+    return told
 
 
 def stop(settings: "dict", request: "dict") -> "dict":
     """End it for good; what has arrived stays there, and is not sent again by the next job."""
+    if others(settings):
+        return dict(status(settings, request), stopped=False)
     there = JOB.exists()
     with contextlib.suppress(FileNotFoundError):
         JOB.unlink()
@@ -230,8 +263,9 @@ def end(**values: "object") -> int:
 
 def attempt(settings: "dict", job: "dict") -> "dict":
     """Bring all files of the job there; give those that were not, by the reason. Raises Away, Refused."""
-    left = {"changed": [], "gone": [], "differ": []}
-    due = digested(settings, job, left)
+    left = {"changed": [], "gone": [], "differ": [], "unread": [], "robot": []}
+    due = digested(settings, {"files": collected(settings, job, left)}, left)
+    note(state="sending")
     for _ in range(ROUNDS):
         if not due:
             break
@@ -260,6 +294,40 @@ def attempt(settings: "dict", job: "dict") -> "dict":
 
 WORDS = ("kept", "missing", "partial", "differs")
 """What the control centre answers about a file."""
+
+
+def collected(settings: "dict", job: "dict", left: "dict") -> "list":
+    """Rows of the job that are here to be sent, after all that the robot gives was brought here. Raises Refused."""
+    rows = [row for row in job["files"] if row[0] not in job.get("arrived", [])]
+    if "robot_user" not in settings:
+        return rows
+    robot, tries = Robot(settings, job["silence_s"] // 4), 0
+    due = [row for row in rows if not robot.here(row)]
+    waiting = [] if job.get("robot_gone") else batches(due)
+    lacking = robot.lacking(due) if waiting else 0
+    if lacking > 0:
+        raise Refused(f"no room: {lacking} bytes are missing for {robot.name} on this gateway")
+    while waiting:
+        note(state="collecting", collected=len(due) - sum(map(len, waiting)), collect=len(due))
+        begun = robot.begun()
+        try:
+            for reason, paths in robot.collect(waiting[0]).items():
+                left[reason] += paths
+        except (Away, Refused) as error:
+            note(why=str(error))
+            tries = 0 if robot.begun() > begun else tries
+            if isinstance(error, Refused) or tries == len(PAUSES_S):
+                write(JOB, dict(job, robot_gone=True))
+                break
+            time.sleep(min(job["silence_s"] / 4, PAUSES_S[tries]))
+            tries += 1
+        else:
+            del waiting[0]
+            tries = 0
+            note(why="")
+    told = {path for paths in left.values() for path in paths}
+    left["robot"] += [row[0] for row in due if not robot.here(row) and row[0] not in told]
+    return [row for row in rows if robot.here(row)]
 
 
 def job_files(job: "dict") -> int:
@@ -316,9 +384,24 @@ def keep(settings: "dict", rows: "list") -> None:
     """Note what the control centre has read again, so that it is not sent by the next job; forget what is gone here."""
     if not rows:
         return
-    kept = read(KEPT, {})
+    kept, robot = read(KEPT, {}), "robot_user" in settings
     kept.update((path, [size, when, sha256]) for path, size, sha256, when in rows)
-    write(KEPT, {path: row for path, row in kept.items() if os.path.lexists(os.path.join(settings["folder"], path))})
+    there = {path for path in kept if robot or os.path.lexists(os.path.join(settings["folder"], path))}
+    write(KEPT, {path: row for path, row in kept.items() if path in there})
+    if robot:
+        discard(settings, [row[0] for row in rows])
+
+
+def discard(settings: "dict", paths: "list[str]") -> None:
+    """Remove what was collected of a robot, and is at the control centre; the robot has it all the same."""
+    job = read(JOB)
+    if job is not None:
+        write(JOB, dict(job, arrived=[*job.get("arrived", []), *paths]))
+    for path in paths:
+        place = os.path.join(settings["folder"], path)
+        with contextlib.suppress(OSError):
+            os.unlink(place)
+            os.removedirs(os.path.dirname(place))
 
 
 def forget(rows: "list") -> None:
@@ -332,26 +415,19 @@ def forget(rows: "list") -> None:
 
 def ssh(settings: "dict", job: "dict") -> "list[str]":
     """Program and options of ssh, without the host; the silence that it bears is the job's."""
-    options = {
-        "BatchMode": "yes",
-        "IdentitiesOnly": "yes",
-        "IdentityAgent": "none",
-        "StrictHostKeyChecking": "yes",
-        "UserKnownHostsFile": KNOWN_HOSTS,
-        "GlobalKnownHostsFile": "/dev/null",
-        "HostKeyAlias": settings["to"],
-        "UpdateHostKeys": "no",
-        "ServerAliveInterval": str(max(1, job["silence_s"] // 4)),
-        "ServerAliveCountMax": "4",
-        "ProxyCommand": f"/usr/bin/python3 -I {os.path.abspath(__file__)} connect",
-    }
-    words = [word for name, value in options.items() for word in ("-o", f"{name}={value}")]
-    return ["ssh", "-F", "none", "-T", "-i", settings["key"], "-l", settings["user"], *words]
+    return ssh_words(
+        settings["to"],
+        settings["key"],
+        settings["user"],
+        ServerAliveInterval=str(max(1, job["silence_s"] // 4)),
+        ServerAliveCountMax="4",
+        ProxyCommand=f"/usr/bin/python3 -I {os.path.abspath(__file__)} connect",
+    )
 
 
 def call(settings: "dict", job: "dict", verb: str, rows: "list") -> "dict":
     """Ask the control centre about files. Raises Away, Refused."""
-    words = [*ssh(settings, job), "-C", settings["address"], "atlantis", verb]
+    words = [*ssh(settings, job), "-C", settings["address"], "atlantis", verb, settings["source"]]
     done = subprocess.run(words, input=json.dumps(rows).encode(), capture_output=True, check=False)
     if done.returncode:
         raise failure(done.returncode, done.stderr)
@@ -370,9 +446,13 @@ def send(settings: "dict", job: "dict", paths: "list[str]", *, repair: bool) -> 
         return
     silence = str(max(2, job["silence_s"]))
     how = ["--ignore-times"] if repair else ["--append-verify"]
-    shell = " ".join(f"'{word}'" if " " in word else word for word in ssh(settings, job))
-    words = ["rsync", "--times", "--inplace", *how, "--timeout", silence, "--from0", "--files-from=-", "-e", shell]
-    words += [settings["folder"] + "/", settings["address"] + ":."]
+    words = ["rsync", "--times", "--inplace", *how, "--timeout", silence, "--from0", "--files-from=-"]
+    words += [
+        "-e",
+        quoted(ssh(settings, job)),
+        settings["folder"] + "/",
+        settings["address"] + ":" + settings["source"],
+    ]
     data = b"".join(path.encode() + b"\0" for path in paths)
     done = subprocess.run(words, input=data, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
     if done.returncode and done.returncode not in SOME_LEFT:
@@ -437,6 +517,17 @@ def connect(settings: "dict") -> int:
     meter = Meter(job)
     for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGPIPE):
         signal.signal(number, lambda *_: (meter.save(), os._exit(1)))
+    try:
+        return carry(settings, job, meter)
+    except OSError as error:
+        sys.stderr.write("{}: {}\n".format(settings["to"], error.strerror or error))
+        return 1
+    finally:
+        meter.save()
+
+
+def carry(settings: "dict", job: "dict", meter: Meter) -> int:
+    """Until an end of the connection is closed. Raises OSError."""
     here, began = (settings["from"], 0), time.monotonic()
     with socket.create_connection((settings["address"], settings["port"]), job["silence_s"], here) as peer:
         if too_slow(job, time.monotonic() - began):
@@ -455,7 +546,6 @@ def connect(settings: "dict") -> int:
             view = memoryview(data)
             while view:
                 view = view[os.write(1, view) :]
-    meter.save()
     return 0
 
 
@@ -498,20 +588,34 @@ def _up(peer: socket.socket, meter: Meter) -> None:
 ASKED = {"look": look, "start": start, "status": status, "stop": stop}
 
 
+def chosen(settings: "dict | None", name: "str | None") -> "dict | None":
+    """What is declared of a source, by its name, of the gateway itself if left out; its folder is that of this work."""
+    if settings is None:
+        return None
+    name = name or settings["from_host"]
+    if name not in settings["sources"]:
+        return None
+    place = STATE if name == settings["from_host"] else STATE / "robots" / name
+    place.mkdir(mode=0o700, parents=True, exist_ok=True)
+    os.chdir(str(place))
+    return dict(settings, **settings["sources"][name], source=name)
+
+
 def main(verb: str) -> int:
     """Do what is asked."""
-    settings = read(SETTINGS)
+    work = verb in ("connect", "run")
+    request = read(JOB, {}) if work else json.load(sys.stdin)
+    settings = chosen(read(SETTINGS), request.get("source"))
     if settings is None:
-        sys.stderr.write("no recordings of this computer are declared\n")
+        sys.stderr.write("no recordings of {} are declared\n".format(request.get("source", "this computer")))
         return 1
     if verb == "connect":
         return connect(settings)
-    STATE.mkdir(mode=0o700, parents=True, exist_ok=True)
     if verb == "run":
         return run(settings)
     with LOCK.open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        answer = ASKED[verb](settings, json.load(sys.stdin))
+        answer = dict(ASKED[verb](settings, request), source=settings["source"])
     sys.stdout.write(json.dumps(answer) + "\n")
     return 0
 

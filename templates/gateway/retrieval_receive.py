@@ -1,11 +1,13 @@
-"""atlantis: what a gateway may do here by its key, and nothing else: lay recordings down in its own folder.
+"""atlantis: what a gateway may do here by its key, and nothing else: lay recordings down in its own folders.
 
-Takes NAME FOLDER BUDGET_MB; sshd starts it in place of whatever the gateway has asked for (SSH_ORIGINAL_COMMAND).
+Takes NAMES FOLDER BUDGET_MB; sshd starts it in place of whatever the gateway has asked for (SSH_ORIGINAL_COMMAND). The
+names are those of the gateway and of the robots whose recordings it sends, with commas; the request ends with one.
 
-- `rsync --server …`: write into FOLDER/.incoming/NAME; the options are held against a list, the place is ours.
-- `atlantis have`: rows of path, size, SHA-256 on the standard input; answers for each `kept` (read again, the same),
-  `differs`, `partial` or `missing`, and how much room is left.
-- `atlantis keep`: the same rows; what has arrived is read again, and gets its name in FOLDER/NAME if it is the same.
+- `rsync --server … . NAME`: write into FOLDER/.incoming/NAME; the options are held against a list, the place is ours.
+- `atlantis have NAME`: rows of path, size, SHA-256 on the standard input; answers for each `kept` (read again, the
+  same), `differs`, `partial` or `missing`, and how much room is left.
+- `atlantis keep NAME`: the same rows; what has arrived is read again, and gets its name in FOLDER/NAME if it is the
+  same.
 """
 
 # ruff: noqa: INP001, PTH105, PTH106, PTH118, S606, S607 - a program of the control centre, which becomes rsync
@@ -29,7 +31,7 @@ END_S = 10
 
 
 class Receiver:
-    """The folders of one gateway."""
+    """The folders of one gateway, or of one robot."""
 
     def __init__(self, name: str, folder: Path, budget: int) -> None:
         self.folder, self.budget = folder, budget
@@ -91,7 +93,7 @@ class Receiver:
         return "kept"
 
     def alone(self) -> None:
-        """End whoever still serves this gateway: a connection that has died here is not noticed for minutes."""
+        """End whoever still writes here: a connection that has died here is not noticed for minutes."""
         lock = os.open(str(self.incoming) + ".lock", os.O_RDWR | os.O_CREAT, 0o600)
         os.set_inheritable(lock, True)
         ends = time.monotonic() + END_S
@@ -143,18 +145,22 @@ def server(words: "list[str]") -> "list[str]":
     return words
 
 
-def main(name: str, folder: str, budget_mb: str) -> int:
+def main(names: str, folder: str, budget_mb: str) -> int:
     """Do the one thing that was asked for, if it is among those above."""
     os.umask(0o027)
     words = shlex.split(os.environ.get("SSH_ORIGINAL_COMMAND", ""))
+    name = words[-1] if words else ""
+    if name not in names.split(","):
+        sys.stderr.write("atlantis: not admitted: {}\n".format(" ".join(words)))
+        return 3
     receiver = Receiver(inside(name), Path(folder), int(budget_mb) * 1000000)
     receiver.alone()
     try:
-        if words in (["atlantis", "have"], ["atlantis", "keep"]):
+        if words[:-1] in (["atlantis", "have"], ["atlantis", "keep"]):
             answer = getattr(receiver, words[1])(json.load(sys.stdin))
             sys.stdout.write(json.dumps(answer) + "\n")
             return 0
-        command = server(words)
+        command = server([*words[:-1], "."])
     except (ValueError, TypeError, OSError) as error:
         sys.stderr.write(f"atlantis: {error}\n")
         return 3

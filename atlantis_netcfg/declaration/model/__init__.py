@@ -129,6 +129,13 @@ from atlantis_netcfg.declaration.model.pilot import (
     VpnService,
 )
 from atlantis_netcfg.declaration.model.qualify import KEY_OCTETS, LinkThresholds, Qualify, ThresholdsName
+from atlantis_netcfg.declaration.model.retrieval import (
+    COLLECTED,
+    Retrieval,
+    RetrievalPriority,
+    RetrievalRobot,
+    RetrievalSource,
+)
 from atlantis_netcfg.declaration.model.services import (
     ROS1_BRIDGE,
     BridgedTopic,
@@ -136,9 +143,6 @@ from atlantis_netcfg.declaration.model.services import (
     HostedService,
     ImageArchive,
     Recording,
-    Retrieval,
-    RetrievalPriority,
-    RetrievalSource,
     Ros1Bridge,
     ServiceBounds,
     ServiceContainer,
@@ -170,6 +174,7 @@ from atlantis_netcfg.declaration.model.site import (
 
 __all__ = [
     "BEARER_TRAITS",
+    "COLLECTED",
     "ETHERNET",
     "KEY_OCTETS",
     "LONGEST_PAUSE_S",
@@ -266,6 +271,7 @@ __all__ = [
     "Reservation",
     "Retrieval",
     "RetrievalPriority",
+    "RetrievalRobot",
     "RetrievalSource",
     "Role",
     "Ros1Bridge",

@@ -23,7 +23,7 @@ from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution, Telemetr
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
 from atlantis_netcfg.declaration.model.qualify import Qualify
-from atlantis_netcfg.declaration.model.services import Retrieval
+from atlantis_netcfg.declaration.model.retrieval import Retrieval
 
 
 class TimeServer(Model):

@@ -14,7 +14,6 @@ from pydantic import BeforeValidator, Field, StrictInt
 
 from atlantis_netcfg.declaration.model._base import (
     Account,
-    HostName,
     Model,
     Name,
     SecretText,
@@ -41,7 +40,7 @@ def _command(value: object) -> str:
     return text
 
 
-def _matching(pattern: str, refused: Callable[[str], PydanticCustomError]) -> BeforeValidator:
+def matching(pattern: str, refused: Callable[[str], PydanticCustomError]) -> BeforeValidator:
     """A validator of texts that one pattern describes."""
 
     def validated(value: object) -> str:
@@ -72,12 +71,12 @@ _TOPIC = "^(/[A-Za-z_][A-Za-z0-9_]*)+$"
 _FOLDER = r"^/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$"
 Topic = Annotated[
     str,
-    _matching(_TOPIC, lambda text: wrong(f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose")),
+    matching(_TOPIC, lambda text: wrong(f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose")),
     text_like(_TOPIC),
 ]
 DataFolder = Annotated[
     str,
-    _matching(
+    matching(
         _FOLDER,
         lambda text: wrong(
             f"`{text}` is no folder for a service's data", "its whole path below /srv, /var/lib or /mnt"
@@ -87,7 +86,7 @@ DataFolder = Annotated[
 ]
 ArchiveName = Annotated[
     str,
-    _matching(
+    matching(
         _ARCHIVE,
         lambda text: wrong(f"`{text}` is no name of a file", "a file in `images` of the inventory, like backend.tar"),
     ),
@@ -95,7 +94,7 @@ ArchiveName = Annotated[
 ]
 ContainerPath = Annotated[
     str,
-    _matching(
+    matching(
         _INSIDE,
         lambda text: wrong(
             f"`{text}` is no place in a container", "like /data, or below /home, /mnt, /opt, /srv or /var"
@@ -105,14 +104,14 @@ ContainerPath = Annotated[
 ]
 VariableName = Annotated[
     str,
-    _matching(
+    matching(
         _VARIABLE, lambda text: wrong(f"`{text}` is no name of a variable", "capitals, digits and _, like POSTGRES_DB")
     ),
     text_like(_VARIABLE),
 ]
 Arguments = Annotated[
     str,
-    _matching(
+    matching(
         _ARGUMENTS,
         lambda text: wrong(f"`{text}` is no line of arguments", "words without quotation marks, like --port 18082"),
     ),
@@ -120,7 +119,7 @@ Arguments = Annotated[
 ]
 MessageType = Annotated[
     str,
-    _matching(
+    matching(
         _MESSAGE_TYPE,
         lambda text: wrong(f"`{text}` is no type of ROS 2", "package, msg and name, like std_msgs/msg/String"),
     ),
@@ -264,35 +263,3 @@ class Ros1Bridge(ImageArchive):
     def master(self) -> IPv4Address:
         """Where the master of ROS 1 is."""
         return IPv4Address(self.master_uri.removeprefix("http://").partition(":")[0])
-
-
-class RetrievalPriority(StrEnum):
-    """How much of a link recordings may take on their way to the control centre, beside all other traffic."""
-
-    LOW = "low"
-    NORMAL = "normal"
-    HIGH = "high"
-
-
-class RetrievalSource(Model):
-    """A folder on a gateway whose files are wanted at the control centre."""
-
-    host: HostName
-    """The gateway; its `ssh.host_key` is declared, for that is how the control centre knows it."""
-    folder: DataFolder = "/var/lib/svc-recording"
-    """On the gateway; nothing in it is ever changed or removed."""
-    priority: RetrievalPriority = RetrievalPriority.LOW
-    """Of the upward rate that the link in use is declared with: `low` takes 20 %, `normal` 50 %, `high` 80 %."""
-
-
-class Retrieval(Model):
-    """Recordings of gateways that `provision retrieve` brings to the control centre, through the VPN."""
-
-    to: HostName
-    """The control centre; its `ssh.host_key` is declared, for that is how gateways know it."""
-    folder: DataFolder = "/srv/recordings"
-    """On the control centre: below it each gateway has a folder with its name. Nothing else stands in it."""
-    budget_mb: Annotated[StrictInt, Field(ge=1)]
-    """No transfer begins that would make the folder hold more, in 10^6 bytes; nothing is removed."""
-    sources: Annotated[tuple[RetrievalSource, ...], Field(min_length=1)]
-    """One for each gateway."""

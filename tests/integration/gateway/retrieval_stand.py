@@ -1,4 +1,4 @@
-"""A gateway and a control centre with real sshd and rsync, on a link that is cut at will; what the role lays down.
+"""A gateway, a control centre and a robot with real sshd and rsync, on cables that are cut at will; our files on two.
 
 Their addresses in the VPN stand on the cable itself: the tunnel is not what is tried here. The role itself is run twice
 in `test_retrieval_role.py`.
@@ -24,13 +24,14 @@ if TYPE_CHECKING:
 
 GATEWAY, CENTRE = "coastal-gateway", "scc-control"
 FOLDER, KEPT = "/var/lib/svc-recording", f"/srv/recordings/{GATEWAY}"
-DECLARED = Retrieval.model_validate({"to": CENTRE, "budget_mb": 100, "sources": [{"host": GATEWAY}]})
+ROBOT, BAGS, COLLECTED = "sparus", "/home/recorder/bags", "/var/lib/atlantis/robots/sparus"
+OWN = {"to": CENTRE, "budget_mb": 100, "sources": [{"host": GATEWAY}]}
 QUICK_S = 4
 """In the place of 120 s: how long a connection may be silent."""
 MB = 1_000_000
 
 
-def declared(host_keys: dict[str, str]) -> Declaration:
+def declared(host_keys: dict[str, str], **values: Any) -> Declaration:  # noqa: ANN401 - of the model
     """The shipped pilot with a retrieval and these host keys."""
     hosts = dict(SHIPPED.hosts)
     for name, key in host_keys.items():
@@ -38,7 +39,8 @@ def declared(host_keys: dict[str, str]) -> Declaration:
         assert isinstance(device, ServerComputer)
         ssh = device.ssh.model_copy(update={"host_key": key.strip()})
         hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": ssh}))
-    return replace(SHIPPED, hosts=hosts, pilot=SHIPPED.pilot.model_copy(update={"retrieval": DECLARED}))
+    retrieved = Retrieval.model_validate(OWN | values)
+    return replace(SHIPPED, hosts=hosts, pilot=SHIPPED.pilot.model_copy(update={"retrieval": retrieved}))
 
 
 @dataclass
@@ -49,10 +51,12 @@ class Ends:
     gateway: Machine
     centre: Machine
     declaration: Declaration
+    robot: Machine | None = None
+    source: str = GATEWAY
 
     def ask(self, verb: str, **values: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
         """Ask the gateway's program as the toolkit does, without the SSH before it."""
-        done = self.gateway.run(f"python3 -I {PROGRAM} {verb}", input=json.dumps(values))
+        done = self.gateway.run(f"python3 -I {PROGRAM} {verb}", input=json.dumps({**values, "source": self.source}))
         answer: dict[str, Any] = json.loads(done.stdout)
         return answer
 
@@ -76,7 +80,9 @@ class Ends:
             "rtt_max_s": rtt_max_s,
         }
         wish = {"pattern": "*", "again": False, **how, "before": look["before"], "agreed_bytes": look["bytes"], **job}
-        assert self.ask("start", **wish) == {"started": True}
+        if look["robot"] is not None:
+            wish["robot"] = look["robot"]["state"]
+        assert (told := self.ask("start", **wish)) == {"started": True, "source": self.source}, told
         return look
 
     def ended(self, timeout_s: float = 60) -> dict[str, Any]:
@@ -92,9 +98,9 @@ class Ends:
             time.sleep(0.2)
         return told
 
-    def cut(self, *, up: bool = False) -> None:
-        """Take the cable of the control centre away, or give it back; no end is told."""
-        port = f"{self.centre._unique.rpartition('-')[2]}-0"
+    def cut(self, machine: Machine | None = None, *, up: bool = False) -> None:
+        """Take the cable of the control centre, or of another, away, or give it back; no end is told."""
+        port = f"{(machine or self.centre)._unique.rpartition('-')[2]}-0"
         self.lab.command(("ip", "link", "set", port, "up" if up else "down"))
 
     def log_in(self, *words: str) -> tuple[int, str]:
@@ -109,28 +115,34 @@ class Ends:
         return int(self.gateway.run("cat /sys/class/net/eth0/statistics/tx_bytes").stdout)
 
     def record(self, name: str, size: int, *, age_s: int = 600) -> None:
-        """Write a recording that is noise, some time ago."""
-        path = f"{FOLDER}/{name}"
-        self.gateway.run(
-            f"mkdir -p $(dirname {path}) && head -c {size} /dev/urandom > {path} && touch -d '-{age_s} seconds' {path}"
+        """Write a recording that is noise, some time ago, on the gateway or the robot."""
+        path = f"{FOLDER if self.robot is None else BAGS}/{name}"
+        (self.robot or self.gateway).run(
+            f"mkdir -p \"$(dirname '{path}')\" && head -c {size} /dev/urandom > '{path}' "
+            f"&& touch -d '-{age_s} seconds' '{path}'"
         )
 
     def digests(self, machine: Machine, folder: str) -> dict[str, str]:
         """SHA-256 of all files of a folder, by a program that is not ours."""
-        lines = machine.run(f"cd {folder} && find . -type f -exec sha256sum {{}} +").stdout.splitlines()
+        lines = machine.run(f"cd '{folder}' && find . -type f -exec sha256sum {{}} +").stdout.splitlines()
         return {path.removeprefix("./"): digest for digest, path in (line.split(maxsplit=1) for line in lines)}
 
 
-def ends(lab: Lab, machine: Start) -> Ends:
-    """Start both, with what the role lays down on them."""
+def ends(lab: Lab, machine: Start, *, robot: bool = False) -> Ends:
+    """Start both, with what the role lays down on them; and a robot of its owner, who has not admitted the gateway."""
     places = {name: machine(name) for name in (GATEWAY, CENTRE)}
-    declaration = declared({name: place.host_key for name, place in places.items()})
-    made = Ends(lab, places[GATEWAY], places[CENTRE], declaration)
+    keys = {name: place.host_key for name, place in places.items()}
+    made = Ends(lab, places[GATEWAY], places[CENTRE], declared(keys))
+    if robot:
+        made.robot, made.source = machine(ROBOT, address="10.64.1.22/24"), ROBOT
+        row = {"robot": ROBOT, "host": GATEWAY, "user": "recorder", "folder": BAGS, "budget_mb": 10}
+        made.declaration = declared(keys, robots=[{**row, "host_key": made.robot.host_key.strip()}])
+        made.robot.run(f"useradd --create-home --shell /bin/bash recorder; mkdir {BAGS}; chmod 755 /home/recorder")
     for name, place in places.items():
-        device = declaration.hosts[name].device
+        device = made.declaration.hosts[name].device
         assert isinstance(device, ServerComputer)
         place.run(f"ip address add {device.vpn_address}/16 dev eth0; mkdir -p /etc/atlantis {FOLDER}")
-        configuration = retrieval(declaration, declaration.hosts[name])
+        configuration = retrieval(made.declaration, made.declaration.hosts[name])
         for file in configuration.files:
             place.put(file.path, file.content, mode=file.mode)
         place.run("systemctl daemon-reload")

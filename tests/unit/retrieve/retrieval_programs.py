@@ -21,6 +21,17 @@ GATEWAY, CENTRE = "coastal-gateway", "scc-control"
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
 
 
+ROBOT = {
+    "robot": "sparus",
+    "host": GATEWAY,
+    "user": "recorder",
+    "host_key": "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIH5eLMsHkBVYJvOqBFRmXyqnhS1jKGBnLmjqXmkKJqmR",
+    "folder": "/home/recorder/bags",
+    "budget_mb": 100,
+}
+"""As it is declared."""
+
+
 def program(name: str) -> ModuleType:
     """`retrieval` or `retrieval_receive`, freshly imported."""
     spec = importlib.util.spec_from_file_location(name, ROOT / f"templates/gateway/{name}.py")
@@ -33,7 +44,8 @@ def program(name: str) -> ModuleType:
 
 def with_retrieval(**values: Any) -> Declaration:  # noqa: ANN401 - of the model
     """From the coastal gateway to the control centre; both have the same host key here."""
-    declared = {"to": CENTRE, "budget_mb": 1000, "sources": [{"host": GATEWAY}]} | values
+    own = {} if "robots" in values else {"sources": [{"host": GATEWAY}]}
+    declared = {"to": CENTRE, "budget_mb": 1000} | own | values
     hosts = dict(SHIPPED.hosts)
     for name in (GATEWAY, CENTRE):
         device = hosts[name].device

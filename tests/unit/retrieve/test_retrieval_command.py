@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from hints_said import advised, said
-from retrieval_programs import CENTRE, GATEWAY, with_retrieval
+from retrieval_programs import CENTRE, GATEWAY, KEY, ROBOT, with_retrieval
 
 from atlantis_netcfg.cli import _session, links, main
 from atlantis_netcfg.core.errors import ExitCode
@@ -70,10 +70,11 @@ class Desk:
             if value is None:
                 path.unlink(missing_ok=True)
             else:
-                path.write_text(value if verb == "error" else json.dumps(value))
+                path.write_text(value if verb == "error" else json.dumps({"source": GATEWAY, **value}))
 
     def type(self, *words: str, code: int = 0) -> str:
-        ended = main(["retrieve", "site=coastal", *words])
+        source = [] if any(word.startswith("from=") for word in words) else [f"from={GATEWAY}"]
+        ended = main(["retrieve", "site=coastal", *source, *words])
         printed = self.capsys.readouterr()
         assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
         return printed.out + printed.err
@@ -91,7 +92,7 @@ class Desk:
 
 @pytest.fixture
 def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Desk:
-    declared = with_retrieval()
+    declared = with_retrieval(sources=[{"host": GATEWAY}], robots=[ROBOT])
     real = replace(declared, pilot=declared.pilot.model_copy(update={"example_values": False}))
     monkeypatch.setattr(_session, "load", lambda *_, **__: real)
     programs, answers = tmp_path / "bin", tmp_path / "answers"
@@ -193,6 +194,67 @@ def test_nothing_to_send_is_done_only_where_all_was_retrieved(desk: Desk) -> Non
     assert f"{GATEWAY} has no such folder: /var/lib/svc-recording" in desk.type("link=4g", code=4)
 
 
+def robot(desk: Desk, **seen: Any) -> None:  # noqa: ANN401 - JSON
+    """What the gateway has seen of the robot."""
+    there = {"state": "answers", "kind": "", "why": "", "files": 2, "bytes": 5_000_000, "lacking": 0}
+    look = {**LOOK, "source": "sparus", "robot": {**there, **seen}}
+    if seen.get("state") == "away":
+        look = {**look, "files": 0, "bytes": 0}
+    desk.answers(look=look, status={**STATUS, "source": "sparus"}, start={"started": True, "source": "sparus"})
+
+
+def test_a_robot_s_recordings_are_collected_first_and_its_name_is_the_source(desk: Desk) -> None:
+    robot(desk)
+    assert f"2 files on sparus, 5.0 MB: {GATEWAY} collects them first" in desk.type("from=sparus", "link=wifi-ptp")
+    assert desk.job()["source"] == "sparus"
+    assert desk.job()["robot"] == "answers"
+    assert json.loads(desk.type("from=sparus", "status", "--json"))["from"] == "sparus"
+    desk.answers(look=LOOK)
+    assert f"{GATEWAY} has not been set up for this" in desk.type("from=sparus", "link=wifi-ptp", code=4), (
+        "an older program would send the gateway's own"
+    )
+
+
+@pytest.mark.parametrize(
+    ("seen", "words"),
+    [
+        (
+            {"state": "refused", "kind": "key", "why": "sparus does not admit the SSH host key of this gateway"},
+            f'authorized_keys of recorder on it: restrict,command="rrsync -ro /home/recorder/bags" {KEY} {GATEWAY}',
+        ),
+        (
+            {"state": "refused", "kind": "host_key", "why": "sparus has not its declared SSH host key"},
+            "if it is the robot: write its new key as `host_key` of sparus in `retrieval.robots`",
+        ),
+        (
+            {"state": "refused", "kind": "unread", "why": "sparus does not let its account read all of the folder"},
+            "let recorder read all of /home/recorder/bags on sparus",
+        ),
+        ({"state": "away", "why": "sparus does not answer"}, "bring it to the LAN of the gateway"),
+        ({"lacking": 2_000_000}, "declare a higher `budget_mb` of it in `retrieval.robots`"),
+    ],
+)
+def test_a_robot_that_gives_nothing_is_refused_with_what_to_do(desk: Desk, seen: dict[str, Any], words: str) -> None:
+    robot(desk, **seen)
+    printed = " ".join(desk.type("from=sparus", "link=wifi-ptp", code=4).split())
+    assert words in printed
+    assert seen.get("why", "2.0 MB are missing on coastal-gateway for sparus") in printed
+    assert desk.verbs() == ["look"], "nothing was begun"
+
+
+def test_without_a_name_the_choices_are_listed(desk: Desk) -> None:
+    assert main(["retrieve", "site=coastal"]) == ExitCode.USAGE
+    assert f"choose one of these: `from={GATEWAY}`, `from=sparus`" in desk.capsys.readouterr().err
+
+
+def test_a_rehearsal_goes_its_whole_way_and_says_what_it_needs(desk: Desk) -> None:
+    desk.monkeypatch.setenv("PATH", "/nowhere")
+    assert "rsync is not installed on this computer" in desk.type("--rehearse", code=3)
+    assert "it takes no `files=` and no `--plan`" in desk.type("--rehearse", "files=a", "--plan", code=3)
+    assert "has no link `5g`" in desk.type("--rehearse", "link=5g", code=3)
+    assert desk.verbs() == []
+
+
 SHOWN = "`provision retrieve site={} from={} status` shows it, `stop` in its place ends it"
 
 
@@ -221,7 +283,7 @@ def not_set_up(desk: Desk) -> str:
 ADVICE = {
     SHOWN: not_begun,
     "`provision links site={}` shows more; or name it: `link=NAME`": not_known,
-    "`provision retrieve site={}` goes on, and sends nothing twice": stopped,
+    "`provision retrieve site={} from={}` goes on, and sends nothing twice": stopped,
     "type `provision site={} only={}`, and `provision site={} only={}`": not_set_up,
 }
 

@@ -15,13 +15,14 @@ def test_a_gateway_knows_where_to_send_and_by_which_key() -> None:
     made = retrieval(declaration, declaration.hosts[GATEWAY])
     files = {file.path: file.content for file in made.files}
     assert json.loads(files["/etc/atlantis/retrieval.json"]) == {
-        "folder": "/var/lib/svc-recording",
         "from": "10.80.0.21",
+        "from_host": GATEWAY,
         "to": CENTRE,
         "address": "10.80.0.2",
         "port": 22,
         "user": "svc-retrieval",
         "key": "/etc/ssh/ssh_host_ed25519_key",
+        "sources": {GATEWAY: {"folder": "/var/lib/svc-recording"}},
     }
     assert files["/etc/atlantis/retrieval.known_hosts"] == f"{CENTRE} {KEY}\n"
     unit = files[f"/etc/systemd/system/{SERVICE}"].splitlines()

@@ -1,0 +1,298 @@
+"""A robot's recordings: what the gateway's program collects, and what it says where that cannot be."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from retrieval_programs import GATEWAY, KEY, ROBOT, program, with_retrieval
+
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.declaration.model import RetrievalRobot
+from atlantis_netcfg.gateway.retrieval import line_for_robot, retrieval
+from atlantis_netcfg.operations.retrieve import RetrievalStatus, plan, source_at
+
+NOW = 1_764_000_000
+program("retrieval")
+MODULE: Any = sys.modules["retrieval_robot"]
+"""As the gateway's program imports it."""
+SETTINGS = {"source": "sparus", "key": "key", "budget": 10_000, "robot_user": "recorder", "robot_port": 22}
+DECLARED = with_retrieval(robots=[ROBOT], sources=[{"host": GATEWAY}])
+
+
+class Rsync:
+    """In the place of rsync: copies from a folder; what it is to spoil, to refuse or to lose it does so."""
+
+    def __init__(self, robot: Path) -> None:
+        self.robot, self.spoils = robot, 0
+        self.fails: list[tuple[int, str]] = []
+        self.calls: list[str] = []
+
+    def run(self, words: list[str], *, input: bytes | None, **_: Any) -> Any:  # noqa: A002, ANN401 - as subprocess.run
+        if self.fails:
+            code, text = self.fails.pop()
+            return SimpleNamespace(returncode=code, stdout=b"", stderr=text.encode())
+        listed = [path.decode() for path in (input or b"").split(b"\0") if path]
+        if "--list-only" in words:
+            self.calls.append("list")
+            return SimpleNamespace(returncode=0, stdout=self._rows().encode(), stderr=b"")
+        target = Path(words[-1])
+        if "--dry-run" in words:
+            self.calls.append("compare")
+            differs = [path for path in listed if (self.robot / path).read_bytes() != (target / path).read_bytes()]
+            return SimpleNamespace(returncode=0, stdout="".join(f"{path}\n" for path in differs).encode(), stderr=b"")
+        self.calls.append("fetch")
+        lost = [path for path in listed if not (self.robot / path).exists()]
+        for path in set(listed) - set(lost):
+            (target / path).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(self.robot / path, target / path)
+            if self.spoils:
+                self.spoils -= 1
+                state = (target / path).stat()
+                (target / path).write_bytes(b"X" * state.st_size)
+                os.utime(target / path, ns=(state.st_atime_ns, state.st_mtime_ns))
+        return SimpleNamespace(returncode=23 if lost else 0, stdout=b"", stderr=b"some were not sent")
+
+    def _rows(self) -> str:
+        lines = [
+            "drwxr-xr-x          4,096 2026/11/26 05:57:43 .",
+            "lrwxrwxrwx             10 2026/11/26 05:57:43 link",
+        ]
+        for path in sorted(self.robot.rglob("*")):
+            if path.is_file():
+                when = time.strftime("%Y/%m/%d %H:%M:%S", time.gmtime(path.stat().st_mtime))
+                lines.append(f"-rw-r--r-- {path.stat().st_size:14d} {when} {path.relative_to(self.robot)}")
+        return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def rsync(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Rsync:
+    (tmp_path / "bags").mkdir()
+    made = Rsync(tmp_path / "bags")
+    monkeypatch.setattr(MODULE.subprocess, "run", made.run)
+    return made
+
+
+@pytest.fixture
+def robot(rsync: Rsync, tmp_path: Path) -> Any:  # noqa: ANN401 - a program, no module of ours
+    assert not rsync.calls
+    return MODULE.Robot({**SETTINGS, "robot_address": "192.0.2.1", "folder": str(tmp_path / "robots/sparus")})
+
+
+def record(rsync: Rsync, path: str, data: bytes = b"bag") -> None:
+    place = rsync.robot / path
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_bytes(data)
+    os.utime(place, (NOW, NOW))
+
+
+def test_its_files_are_listed_as_rsync_prints_them(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
+    record(rsync, "dive 1/a.db3", b"x" * 1_234)
+    record(rsync, "odd\\#012name")
+    listed = robot.list()
+    assert ["dive 1/a.db3", 1_234, NOW * 10**9] in listed
+    assert len(listed) == 2, "no folder, no link"
+    with pytest.raises(UnicodeEncodeError):
+        next(row for row in listed if "odd" in row[0])[0].encode()
+
+
+def test_a_file_has_its_name_here_after_it_was_compared(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
+    record(rsync, "bag/a", b"x" * 100)
+    rsync.spoils = 1
+    rows = robot.list()
+    assert robot.collect(rows) == {"changed": [], "unread": [], "differ": []}
+    assert rsync.calls == ["list", "fetch", "compare", "fetch", "compare"], (
+        "what differs is fetched again, and compared"
+    )
+    assert Path(robot.folder, "bag/a").read_bytes() == b"x" * 100
+    assert robot.here(rows[0])
+    record(rsync, "bag/b")
+    assert robot.collect(robot.list()[1:]) == {"changed": [], "unread": [], "differ": []}
+    assert rsync.calls[5:] == ["list", "fetch", "compare"]
+    robot.collect(rows)
+    assert len(rsync.calls) == 8, "what is here is not fetched again"
+
+
+def test_what_is_not_the_same_has_no_name_here_and_is_told(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
+    for name in ("differs", "goes", "grows"):
+        record(rsync, name, b"x" * 10)
+    rows = robot.list()
+    (rsync.robot / "goes").unlink()
+    (rsync.robot / "grows").write_bytes(b"y" * 20)
+    rsync.spoils = 9
+    assert robot.collect(rows) == {"changed": ["grows"], "unread": ["goes"], "differ": ["differs"]}
+    assert list(Path(robot.folder).iterdir()) == []
+
+
+def test_the_room_is_what_the_budget_leaves_beside_what_was_begun(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
+    record(rsync, "a", b"x" * 8_000)
+    record(rsync, "b", b"x" * 4_000)
+    rows = robot.list()
+    assert robot.lacking(rows) == 2_000
+    Path(robot.partial, "a").write_bytes(b"x" * 7_000)
+    assert robot.lacking(rows) == 2_000, "what was begun of a file is a part of it"
+    Path(robot.partial, "gone").write_bytes(b"x" * 500)
+    assert robot.lacking(rows) == 2_500
+    robot.forget({"a", "b"})
+    assert robot.lacking(rows) == 2_000
+    assert robot.lacking(rows[:1]) == 0
+
+
+@pytest.mark.parametrize(
+    ("code", "text", "kind", "words"),
+    [
+        (255, "recorder@192.0.2.1: Permission denied (publickey).", "key", "does not admit the SSH host key"),
+        (255, "Host key verification failed.", "host_key", "has not its declared SSH host key"),
+        (255, "No ED25519 host key is known for sparus", "host_key", "has not its declared SSH host key"),
+        (12, "bash: line 1: rrsync: command not found", "program", "has no rrsync"),
+        (23, 'rsync: [sender] opendir "/bags/x" failed: Permission denied (13)', "unread", "read all of the folder"),
+        (11, "rsync: write failed: No space left on device (28)", "disk", "the disk of this gateway is full"),
+        (255, "ssh: connect to host 192.0.2.1 port 22: No route to host", "", "sparus does not answer"),
+        (30, "rsync error: timeout in data send/receive", "", "sparus does not answer"),
+    ],
+)
+def test_why_it_gives_nothing_is_told(code: int, text: str, kind: str, words: str) -> None:
+    found = MODULE.meaning("sparus", code, text.encode())
+    assert type(found).__name__ == ("Refused" if kind else "Away")
+    assert (getattr(found, "kind", ""), words in str(found)) == (kind, True)
+
+
+@pytest.fixture
+def sender(tmp_path: Path, rsync: Rsync, monkeypatch: pytest.MonkeyPatch) -> Any:  # noqa: ANN401 - as above
+    assert not rsync.calls
+    made = program("retrieval")
+    monkeypatch.setattr(made.time, "sleep", lambda _seconds: None)
+    for name in ("JOB", "STATUS", "COUNTS", "KEPT", "HASHES"):
+        monkeypatch.setattr(made, name, tmp_path / f"{name}.json")
+    return made
+
+
+def settings(folder: Path) -> dict[str, Any]:
+    return {**SETTINGS, "robot_address": "192.0.2.1", "folder": str(folder / "robots/sparus")}
+
+
+WISH = {"pattern": "*", "again": False, "before": NOW + 600}
+
+
+def job(sender: Any, rows: list[Any]) -> dict[str, Any]:  # noqa: ANN401 - as above
+    made = {"source": "sparus", "files": rows, "silence_s": 120}
+    sender.JOB.write_text(json.dumps(made))
+    return made
+
+
+def left() -> dict[str, list[str]]:
+    return {"changed": [], "gone": [], "differ": [], "unread": [], "robot": []}
+
+
+def test_the_copy_goes_when_the_control_centre_has_it_and_is_not_collected_again(
+    sender: Any,  # noqa: ANN401 - as above
+    rsync: Rsync,
+    tmp_path: Path,
+) -> None:
+    record(rsync, "bag/a", b"x" * 100)
+    declared = settings(tmp_path)
+    look = sender.listed(declared, WISH)
+    assert (look["files"], look["robot"]["state"]) == (1, "answers")
+    why = left()
+    rows = sender.collected(declared, job(sender, look["rows"]), why)
+    assert (rows, why) == (look["rows"], left())
+    sender.keep(declared, [[*rows[0][:2], "digest", rows[0][2]]])
+    assert not (tmp_path / "robots/sparus/bag").exists()
+    assert sender.collected(declared, json.loads(sender.JOB.read_text()), left()) == [], "nor in the same transfer"
+    assert (sender.listed(declared, WISH)["files"], sender.listed(declared, WISH)["kept"]) == (0, 1)
+    assert sender.listed(declared, {**WISH, "again": True})["compared"] == 1
+    assert (rsync.robot / "bag/a").exists()
+
+
+def test_a_robot_that_goes_is_waited_for_and_then_what_it_has_given_is_sent(
+    sender: Any,  # noqa: ANN401 - as above
+    rsync: Rsync,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(MODULE, "BATCH_FILES", 1)
+    for name in ("a", "b"):
+        record(rsync, name)
+    declared = settings(tmp_path)
+    rows = sender.listed(declared, WISH)["rows"]
+    rsync.fails = [(255, "No route to host")] * 3
+    why = left()
+    assert sender.collected(declared, job(sender, rows), why) == rows, "three times away, then back"
+    assert why == left()
+    shutil.rmtree(tmp_path / "robots")
+    wait = iter([False, False, True] + [True] * 99)
+    real = rsync.run
+    monkeypatch.setattr(
+        MODULE.subprocess,
+        "run",
+        lambda words, **how: (
+            SimpleNamespace(returncode=255, stdout=b"", stderr=b"No route to host")
+            if next(wait)
+            else real(words, **how)
+        ),
+    )
+    assert [row[0] for row in sender.collected(declared, job(sender, rows), why)] == ["a"]
+    assert why == {**left(), "robot": ["b"]}
+    assert json.loads(sender.JOB.read_text())["robot_gone"] is True, "it is not waited for again in this transfer"
+    away = sender.listed(declared, WISH)
+    assert (away["robot"]["state"], [row[0] for row in away["rows"]]) == ("away", ["a"])
+    assert "No route to host" in away["robot"]["why"]
+
+
+def test_too_little_room_is_refused_before_the_first_byte(sender: Any, rsync: Rsync, tmp_path: Path) -> None:  # noqa: ANN401 - as above
+    record(rsync, "a", b"x" * 12_000)
+    declared = settings(tmp_path)
+    rows = sender.listed(declared, WISH)["rows"]
+    with pytest.raises(Exception, match="no room: 2000 bytes are missing for sparus on this gateway"):
+        sender.collected(declared, job(sender, rows), left())
+    assert rsync.calls == ["list"]
+
+
+def test_the_gateway_knows_the_robot_and_the_robot_s_owner_has_one_line() -> None:
+    files = {file.path: file.content for file in retrieval(DECLARED, DECLARED.hosts[GATEWAY]).files}
+    assert json.loads(files["/etc/atlantis/retrieval.json"])["sources"]["sparus"] == {
+        "folder": "/var/lib/atlantis/robots/sparus",
+        "budget": 100_000_000,
+        "robot_address": "10.64.1.22",
+        "robot_port": 22,
+        "robot_user": "recorder",
+    }
+    assert f"sparus {ROBOT['host_key']}\n" in files["/etc/atlantis/retrieval.known_hosts"]
+    source, host = source_at(DECLARED, "coastal", "sparus")
+    assert host.name == GATEWAY
+    assert isinstance(source, RetrievalRobot)
+    line = line_for_robot(DECLARED, source)
+    assert line == f'restrict,command="rrsync -ro /home/recorder/bags" {KEY} {GATEWAY}'
+    keys = {file.path: file.content for file in retrieval(DECLARED, DECLARED.hosts["scc-control"]).files}
+    assert f"retrieval_receive.py {GATEWAY},sparus /srv/recordings" in keys["/etc/atlantis/retrieval.keys"]
+
+
+def test_what_is_on_a_robot_is_told_in_the_plan_and_what_was_not_looked_at_is_not_green() -> None:
+    source, _ = source_at(DECLARED, "coastal", "sparus")
+    robot = {"state": "answers", "files": 2, "bytes": 5_000_000, "lacking": 0}
+    look = {"files": 3, "bytes": 6_000_000, "compared": 0, "kept": 0, "writing": 0, "unnamed": 0, "before": 1.0}
+    made = plan(DECLARED, source, "4g", {**look, "robot": robot})
+    assert f"2 files on sparus, 5.0 MB: {GATEWAY} collects them first" in made.lines()
+    away = plan(DECLARED, source, "4g", {**look, "robot": {**robot, "state": "away", "why": "sparus does not answer"}})
+    assert "what is on sparus was not looked at: sparus does not answer" in away.lines()
+    told = {"state": "done", "files": 1, "arrived": 1, "running": False, "job": False, "wire_bytes": 1, "link": "4g"}
+    assert RetrievalStatus(told, None, "sparus").exit is ExitCode.DONE
+    for more in ({"unseen": "sparus does not answer"}, {"left": {"robot": ["b"]}, "why": "sparus does not answer"}):
+        found = RetrievalStatus({**told, **more}, None, "sparus")
+        assert found.exit is ExitCode.CHECKS_FAILED
+        assert any("sparus does not answer" in line for line in found.lines("coastal"))
+    goes_on = {**told, "state": "collecting", "running": True, "collected": 1, "collect": 3, "collected_bytes": 7}
+    assert RetrievalStatus(goes_on, None, "sparus").progress().startswith("collects from sparus, 1 of 3 files")
+
+
+def test_which_recordings_is_asked_in_words_that_name_the_choices() -> None:
+    with pytest.raises(UsageError, match="recordings of more than one computer") as caught:
+        source_at(DECLARED, "coastal", None)
+    assert caught.value.hint == f"choose one of these: `from={GATEWAY}`, `from=sparus`"
