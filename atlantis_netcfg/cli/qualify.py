@@ -47,7 +47,7 @@ QUALIFY = CommandSpec(
             "what is sent: small messages, images, as much as the link carries, or all of it (if left out: telemetry)",
             choices=("telemetry", "images", "throughput", "all"),
         ),
-        Word("over", "`vpn`: through the tunnel, over the link in use; otherwise beside it", choices=("vpn",)),
+        Word("over", "`vpn`: through this computer's own tunnel, which is led over the link", choices=("vpn",)),
         INVENTORY,
     ),
     flags=(
@@ -113,7 +113,11 @@ def _not_rehearsed(opened: CommandSession) -> tuple[str, ...]:
         return ()
     from atlantis_netcfg.operations.qualify.emulation import not_rehearsed
 
-    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(opened.rehearsal))
+    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(opened.rehearsal, over_vpn=_over_vpn(opened)))
+
+
+def _over_vpn(opened: CommandSession) -> bool:
+    return opened.arguments.optional("over") is not None
 
 
 def _limits(arguments: Arguments) -> BudgetLimits:
@@ -211,11 +215,11 @@ def _link(
     with os_errors_as("the measurement", kept):
         folder = new_run(make_private(kept), now, f"{bearer.name}-{now:%Y%m%dT%H%M%SZ}")
     with ExitStack() as stack:
-        over_vpn = opened.arguments.optional("over") is not None
+        over_vpn = _over_vpn(opened)
         emulated = None
         if opened.rehearsal is not None:
             key = far_end_of(opened.declaration, over_vpn=False)[2]
-            emulated = stack.enter_context(emulated_link(bearer, key, opened.rehearsal))
+            emulated = stack.enter_context(emulated_link(bearer, key, opened.rehearsal, over_vpn=over_vpn))
         run = LinkRun(
             opened.declaration,
             opened.site,
@@ -265,7 +269,7 @@ def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limit
     from atlantis_netcfg.operations.qualify.plan import planned
 
     link = link_of(opened.declaration, opened.site, bearer.name)
-    plan = planned(bearer, selection, rehearsed=opened.rehearsed)
+    plan = planned(bearer, selection, rehearsed=opened.rehearsed, over_vpn=_over_vpn(opened))
     if limits.max_price is not None and link.metered and (link.tariff is None or link.tariff.currency != "EUR"):
         raise UsageError(
             f"`--max-eur`: the tariff of `{link.name}` is not declared in EUR", hint=f"declare {link.tariff_key}"

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 IPV4_HEADERS: Final = 28
 """IPv4 without options, and UDP."""
 IPV6_HEADERS: Final = 48
+VPN_HEADERS: Final = 52
+"""What OpenVPN puts around a packet over UDP with an AEAD cipher: IPv4 and UDP again, opcode and peer, number, tag."""
 COPY_S: Final = 1.0
 """How long after an answer the link may still bring its copy."""
 

@@ -151,7 +151,8 @@ def _way(record: QualifyRecord) -> PageSection:
     why = f": {run.way_reason}" if run.way_reason else ""
     notes = [f"{run.way.value}{why}"]
     if rows:
-        notes.append("By the router's counters: packets of this run, and all bytes that passed the port meanwhile.")
+        whose = "this computer's tunnel" if run.far_end.over_vpn else "this run"
+        notes.append(f"By the router's counters: packets of {whose}, and all bytes that passed the port meanwhile.")
     return PageSection(
         "way", "Which link carried it", tuple(notes), FigureTable(_COLUMNS["way"], rows, named=True) if rows else None
     )
