@@ -134,8 +134,8 @@ def path_mtu(  # noqa: PLR0913 - each has its name where it is given
 
     `headers`: those that count for the size, where a tunnel puts more around each packet.
     """
-    own = transport.headers if headers is None else headers
-    probe = _MtuProbe(transport, peer, guard, timeout_s, patience_s, own, secrets.randbelow(65535) + 1)
+    counted = transport.headers if headers is None else headers
+    probe = _MtuProbe(transport, peer, guard, timeout_s, patience_s, counted, secrets.randbelow(65535) + 1)
     up = both = None
     try:
         if peer.counts:
