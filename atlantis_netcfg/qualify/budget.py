@@ -168,6 +168,11 @@ class BudgetGuard:
         self._arrived.append((self.seconds + COPY_S, size))
         self._copies += size
 
+    @property
+    def charged_bytes(self) -> int:
+        """What was admitted, with answers that have not come: they may still, and a provider may bill them."""
+        return self._charged
+
     def spent(self) -> Bill:
         """Price what has passed up to now: what was sent, and what came."""
         return bill(self.sent_bytes + self.received_bytes, self.seconds, self.budget.tariff)

@@ -111,6 +111,8 @@ class MeasuredRun(RunPart):
     sent_bytes: int = 0
     """As they went over the wire, IP and UDP headers included; by this computer's count."""
     received_bytes: int = 0
+    charged_bytes: int = 0
+    """What counts for the budget: with answers that have not come, since a provider may bill them."""
     price: Decimal | None = None
     counts: tuple[LinkCount, ...] = ()
     """Of every link of the site, the measured one among them."""

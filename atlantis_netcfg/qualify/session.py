@@ -45,6 +45,8 @@ class EndReason(StrEnum):
 
     DONE = "done"
     STOPPED = "stopped"
+    SILENT = "no answer"
+    """To anything at all: what is left needs answers."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -151,6 +151,8 @@ class Measurement:
         self.unanswered_sizes = max(0, self.transport.sent_packets - self.transport.received_packets - before)
         if self.guard.limited_by is not None:
             self.reason = self.guard.limited_by
+        elif self.mtu.both is None and not any(isinstance(each, ReplyReceived) for each in self.samples):
+            self.reason = EndReason.SILENT
 
     def _load(self) -> None:
         assert self.plan.load is not None  # noqa: S101 - `measure` has looked

@@ -305,6 +305,7 @@ class LinkRun:
                 "reason": str(measurement.reason),
                 "sent_bytes": sent.sent_bytes,
                 "received_bytes": sent.received_bytes,
+                "charged_bytes": measurement.guard.charged_bytes,
                 "price": spent.price if begun.currency is not None else None,
                 "counts": counts,
                 "way": way,
