@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.qualify.result import QualifyResult
     from atlantis_netcfg.operations.qualify.several import SeveralResults
     from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
@@ -85,9 +86,10 @@ def run_qualify(arguments: Arguments) -> ExitCode:
     def chosen(declaration: Declaration) -> tuple[Host, ...]:
         site = arguments.word("site")
         choose(declaration, site, ())
-        links_of_site(declaration, site, arguments.optional("link"))
+        links = links_of_site(declaration, site, arguments.optional("link"))
         far_end_of(declaration, over_vpn=arguments.optional("over") is not None)
-        return (router_of(declaration, site),)
+        router = router_of(declaration, site)
+        return (router, *(unit for bearer in links if (unit := _unit(declaration, bearer)) is not None))
 
     with session(arguments, rehearse=arguments.flag("rehearse"), via="lan", chosen=chosen) as opened:
         found = _measured(opened, limits)
@@ -108,6 +110,23 @@ def run_qualify(arguments: Arguments) -> ExitCode:
         for line in (*(line for each in found.results for line in each.lines()), *missing, *not_rehearsed):
             print(translate(line))
     return code
+
+
+def _unit(declaration: Declaration, bearer: Bearer) -> Host | None:
+    """The box of a 4G link that can be read."""
+    from atlantis_netcfg.declaration.model import BearerKind, LteDriver, LteRouter
+
+    host = declaration.hosts.get(bearer.device or "") if bearer.kind is BearerKind.LTE else None
+    device = None if host is None else host.device
+    return host if isinstance(device, LteRouter) and device.driver is not LteDriver.MANUAL else None
+
+
+def _facts(opened: CommandSession, bearer: Bearer, request: Request) -> dict[str, str]:
+    """What the box of a 4G link says: nothing of it goes over the link itself."""
+    from atlantis_netcfg.survey.radio import UnitRadio, facts_of
+
+    unit = _unit(opened.declaration, bearer)
+    return {} if unit is None else facts_of(UnitRadio(opened.declaration, unit, request, opened.store).read())
 
 
 def _not_rehearsed(opened: CommandSession) -> tuple[str, ...]:
@@ -204,6 +223,7 @@ def _link(
         if opened.rehearsal is not None:
             key = far_end_of(opened.declaration, over_vpn=False)[2]
             emulated = stack.enter_context(emulated_link(bearer, key, opened.rehearsal, over_vpn=over_vpn))
+        request = opened.request(Mode.DRIFT)
         run = LinkRun(
             opened.declaration,
             opened.site,
@@ -214,10 +234,11 @@ def _link(
             over_vpn=over_vpn,
             emulated=emulated,
             notify=notify,
+            facts=_facts(opened, bearer, request),
         )
         failure = None
         try:
-            run.measure(opened.request(Mode.DRIFT))
+            run.measure(request)
         except NetcfgError as error:
             if not (folder / RUN_FILE).is_file():
                 raise

@@ -104,6 +104,7 @@ class MeasuredRun(RunPart):
     reason: str
     """Why it ended: `done`, `stopped`, or the limit of the budget."""
     clock_synchronised: bool
+    """This computer's, by its kernel."""
     budget: BudgetLimits
     currency: str | None = None
     tariff: Tariff | None = None
@@ -125,7 +126,7 @@ class MeasuredRun(RunPart):
     thresholds_name: str
     thresholds: QualifyProfile
     facts: dict[str, str] = {}
-    """What the boxes said of the link at the beginning: signal, cell, firmware. Label to value."""
+    """What the boxes said of the link at the beginning: signal, cell, version. Label to value."""
     remarks: tuple[str, ...] = ()
     time_zone: str = ""
     """The pilot's, as IANA names it, for pages; empty: UTC."""

@@ -31,6 +31,7 @@ from atlantis_netcfg.operations.qualify.way import (
     judge_tunnel,
     judge_way,
     link_counts,
+    router_words,
     rows,
 )
 from atlantis_netcfg.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
@@ -44,6 +45,7 @@ from atlantis_netcfg.qualify.measured_run import (
     Selection,
     write_run,
 )
+from atlantis_netcfg.qualify.reflector.clock import ClockState, kernel_clock
 from atlantis_netcfg.qualify.samples import SampleWriter
 from atlantis_netcfg.qualify.session import ReflectorPeer
 from atlantis_netcfg.qualify.transport import UdpTransport
@@ -170,7 +172,12 @@ class LinkRun:
     over_vpn: bool = False
     emulated: EmulatedLink | None = None
     notify: Subscriber = lambda _event: None
+    facts: Mapping[str, str] = field(default_factory=dict)
+    """What the boxes of the link have said before it begins."""
+    clock: ClockState = field(default_factory=kernel_clock)
+    """Of this computer, when it begins."""
     stop: threading.Event = field(default_factory=threading.Event)
+    _router: str | None = None
     _before: FlowCounts | None = None
     _after: FlowCounts | None = None
     _remarks: list[str] = field(default_factory=list)
@@ -188,8 +195,9 @@ class LinkRun:
             counted = CountedTransport(transport, self.stop, tunnel_headers=VPN_HEADERS if self.over_vpn else 0)
             guard = BudgetGuard(self._budget(), lambda: counted.now_ns() / 1e9, counted.headers)
             with (self.folder / SAMPLES_FILE).open("a", encoding="utf-8") as file:
+                peer = ReflectorPeer(key, self.clock.synchronised, self.clock.error_s)
                 measurement = Measurement(
-                    self.plan, ReflectorPeer(key), counted, guard, SampleWriter(file), self._progress(router.name)
+                    self.plan, peer, counted, guard, SampleWriter(file), self._progress(router.name)
                 )
                 begun = self._begun(source, far, port)
                 write_run(self.folder, begun)
@@ -233,6 +241,7 @@ class LinkRun:
         job = device_job(self.declaration, router, request, NoJournal(), self.notify)
         async with await Session.open(job.endpoint) as session:
             self._before = await counters(session)
+            self._router = await router_words(session)
             ports = [port for port, link in ports_of(router).items() if link in self._links(router).values()]
             added = rows(flow, self.bearer.name, ports, *await first_rows(session))
             async with temporarily(session, added):
@@ -285,7 +294,8 @@ class LinkRun:
             begun=datetime.now(UTC),
             ended=None,
             reason=CUT_OFF,
-            clock_synchronised=False,
+            clock_synchronised=self.clock.synchronised,
+            facts=dict(self.facts),
             budget=self.limits,
             currency=None if billing is None else billing.currency,
             tariff=link_of(self.declaration, self.site, self.bearer.name).tariff,
@@ -308,6 +318,7 @@ class LinkRun:
                 "charged_bytes": measurement.guard.charged_bytes,
                 "price": spent.price if begun.currency is not None else None,
                 "counts": counts,
+                "facts": {**begun.facts, **({} if self._router is None else {"router": self._router})},
                 "way": way,
                 "way_reason": why,
                 "path_mtu_up": mtu.up,

@@ -110,6 +110,13 @@ async def counters(session: Session) -> FlowCounts:
     return FlowCounts(up, down, read)
 
 
+async def router_words(session: Session) -> str | None:
+    """What the router says that it is; None: it says nothing."""
+    read = Command("/system/resource/print", ((".proplist", "version,board-name"),))
+    row = next(iter((await session.command(read)).checked().rows), {})
+    return f"{row.get('board-name', 'a router')}, RouterOS {row['version']}" if "version" in row else None
+
+
 def link_counts(links: Mapping[str, str], before: FlowCounts, after: FlowCounts | None) -> tuple[LinkCount, ...]:
     """What was counted on each link of the site; `links`: port to link. `after` None: the router was not read again."""
     return tuple(_count(link, port, before, after) for port, link in links.items())
