@@ -125,6 +125,8 @@ class Measurement:
                 self.reason = EndReason.STOPPED
             if self.reason != EndReason.DONE:
                 break
+        if self.reason == EndReason.DONE and self.plan.left_out and not self.plan.cells:
+            self.reason = EndReason.LEFT_OUT
         return self.reason
 
     def _led(self) -> None:

@@ -7,6 +7,7 @@ declaration are left out: to send them for long costs money and shows nothing ne
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.declaration.model import Pace
@@ -22,6 +23,7 @@ from atlantis_netcfg.qualify.grids import (
     telemetry_plan,
     train_bytes,
 )
+from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import Selection
 from atlantis_netcfg.qualify.messages import MessagePlan
 from atlantis_netcfg.qualify.messages_down import requested_bytes
@@ -33,9 +35,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.qualify.judgement import QualifyProfile
 
 IDLE_PACKETS: Final = 600
 """As many as the shipped thresholds ask for (`min_samples`)."""
+GAP_SHARE: Final = 1.2
+"""How much longer than the longest gap allowed the train without load is at least."""
 HIGHEST_HZ: Final = 64.0
 """No higher rate of messages is tried."""
 LOAD_SHARE: Final = 1.2
@@ -168,6 +173,22 @@ class QualifyPlan:
             yield self.window(size, min(rate, HIGHEST_HZ))
 
 
+def thresholds_of(bearer: Bearer) -> tuple[str, QualifyProfile]:
+    """What a link is held against, with the name that a person reads."""
+    declared = bearer.qualify
+    name = (declared.profile or bearer.kind.traits.thresholds).value
+    changes = declared.model_dump(exclude={"profile"}, exclude_none=True)
+    shown = f"{name}, with its own {', '.join(changes)}" if changes else name
+    return shown, profile(name).model_copy(update=changes)
+
+
+def _idle_packets(bearer: Bearer, interval_s: float, *, rehearsed: bool) -> int:
+    """As many as prove something, and on a real link for long enough that the longest gap allowed would be seen."""
+    limits = thresholds_of(bearer)[1]
+    outlasts = 0 if rehearsed else ceil(GAP_SHARE * limits.gap_s / interval_s)
+    return max(IDLE_PACKETS, limits.min_samples, outlasts)
+
+
 def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False, over_vpn: bool = False) -> QualifyPlan:
     """Pure."""
     headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
@@ -176,7 +197,7 @@ def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False, ov
     chosen = [part for part in SEARCH_SIZES if selection in {part, Selection.ALL}]
     cells = [*_cells(chosen, times)]
     carried = [cell for cell in cells if _offered_bps(cell, headers) <= CARRIED * up_bps]
-    idle_s = IDLE_PACKETS * times.idle_interval_s
+    idle_s = _idle_packets(bearer, times.idle_interval_s, rehearsed=rehearsed) * times.idle_interval_s
     return QualifyPlan(
         selection,
         times,

@@ -125,6 +125,7 @@ def _ended(run: MeasuredRun) -> str:
     why = {
         EndReason.DONE: "all was measured",
         EndReason.STOPPED: "stopped; what was measured is kept",
+        EndReason.LEFT_OUT: "by its declared rate the link carries none of the sizes and rates",
         EndReason.SILENT: "nothing was answered, so the rest was left out",
         CUT_OFF: "cut off before its end",
     }

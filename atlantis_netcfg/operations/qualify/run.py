@@ -22,7 +22,7 @@ from atlantis_netcfg.operations.allow_list_test.prove import temporarily
 from atlantis_netcfg.operations.costs import link_of, ports_of
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.qualify.measure import CUT_OFF, CountedTransport, Measurement
-from atlantis_netcfg.operations.qualify.plan import planned
+from atlantis_netcfg.operations.qualify.plan import planned, thresholds_of
 from atlantis_netcfg.operations.qualify.way import (
     MeasuredFlow,
     TunnelTraffic,
@@ -35,7 +35,6 @@ from atlantis_netcfg.operations.qualify.way import (
     rows,
 )
 from atlantis_netcfg.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
-from atlantis_netcfg.qualify.judgement import QualifyProfile, profile
 from atlantis_netcfg.qualify.measured_run import (
     SAMPLES_FILE,
     BudgetLimits,
@@ -115,15 +114,6 @@ def far_end_of(declaration: Declaration, *, over_vpn: bool) -> tuple[str, int, b
             raise NothingToQualify(why, hint="leave `over=vpn` out")
         address = inside
     return str(address), qualify.port, qualify.key.reveal().encode().strip()
-
-
-def thresholds_of(bearer: Bearer) -> tuple[str, QualifyProfile]:
-    """What a link is held against, with the name that a person reads."""
-    declared = bearer.qualify
-    name = (declared.profile or bearer.kind.traits.thresholds).value
-    changes = declared.model_dump(exclude={"profile"}, exclude_none=True)
-    shown = f"{name}, with its own {', '.join(changes)}" if changes else name
-    return shown, profile(name).model_copy(update=changes)
 
 
 def source_in_vpn(declaration: Declaration, far: str, port: int) -> str:

@@ -145,6 +145,12 @@ def _risen(before: FlowCounts, after: FlowCounts, port: str) -> tuple[int | None
     return (rx, tx) if rx >= 0 and tx >= 0 else (None, None)
 
 
+def _not_read(counts: Sequence[LinkCount]) -> str | None:
+    """A link that was not counted may have carried some."""
+    unread = [count.link for count in counts if count.test_packets_up is None or count.test_packets_down is None]
+    return f"{_NOT_READ} on {', '.join(unread)}" if unread else None
+
+
 def judge_way(link: str, counts: Sequence[LinkCount], sent: int, received: int, lost: int) -> tuple[Verdict, str]:
     """Say whether the test packets left by the link that was meant, and by no other.
 
@@ -157,6 +163,8 @@ def judge_way(link: str, counts: Sequence[LinkCount], sent: int, received: int, 
         strayed = (other.test_packets_up or 0) + (other.test_packets_down or 0)
         if other.link != link and strayed:
             return Verdict.FAIL, f"{strayed} test packets went over {other.link}"
+    if (silent := _not_read(counts)) is not None:
+        return Verdict.INCONCLUSIVE, silent
     up, down = meant.test_packets_up, meant.test_packets_down
     counted = f"the router counted {up} packets up and {down} down over {link}"
     if not up and received:
@@ -182,6 +190,8 @@ def judge_tunnel(
         up, down = other.test_packets_up or 0, other.test_packets_down or 0
         if other.link != link and (up or (down > FEW and received.packets)):
             return Verdict.FAIL, f"{up + down} packets of the tunnel went over {other.link}"
+    if (silent := _not_read(counts)) is not None:
+        return Verdict.INCONCLUSIVE, silent
     up, down = meant.test_packets_up, meant.test_packets_down
     counted = f"the router counted {up} packets of the tunnel up and {down} down over {link}"
     if not up and received.packets:

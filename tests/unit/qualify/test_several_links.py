@@ -26,6 +26,7 @@ from atlantis_netcfg.operations.qualify.plan import planned
 from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.operations.qualify.several import SeveralResults, left, measure_each
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
 from atlantis_netcfg.qualify.record import make_record
 from atlantis_netcfg.qualify.session import EndReason, ReflectorPeer
@@ -83,6 +84,7 @@ class Stand:
             charged_bytes=guard.charged_bytes,
             price=guard.spent().price,
             selection=Selection.TELEMETRY,
+            thresholds=profile("satellite").model_copy(update={"gap_s": 5.0}),
         )
         return QualifyResult(make_record(run, measured.samples), Path("/nowhere"), self.failures.get(bearer.name))
 
