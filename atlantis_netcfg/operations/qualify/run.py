@@ -52,6 +52,7 @@ from atlantis_netcfg.routeros.api import Command, Session
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
@@ -206,6 +207,7 @@ class LinkRun:
         """What sends, from which address, and what the router sees of it."""
         vpn = self.declaration.pilot.vpn
         endpoint = str(vpn.endpoint)
+        opened: AbstractContextManager[UdpTransport]
         if self.emulated is not None:
             near = source = str(self.declaration.sites[self.site].management.technician)
             opened = self.emulated.transport()

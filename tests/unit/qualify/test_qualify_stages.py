@@ -19,14 +19,13 @@ from atlantis_netcfg.declaration.model import Bearer, LinkThresholds, Transport
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement, lost_packets
-from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned
+from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned, thresholds_of
 from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.operations.qualify.run import (
     far_end_of,
     links_of_site,
     source_in_vpn,
     source_of,
-    thresholds_of,
 )
 from atlantis_netcfg.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
 from atlantis_netcfg.qualify.grids import train_bytes
