@@ -15,7 +15,7 @@ from example_runs import BEGUN, measured_run
 from simulated_network import KEY, SECOND, SimulatedNetwork, network
 
 from atlantis_netcfg.bearers.cost import Tariff, bill
-from atlantis_netcfg.cli.qualify import _preview
+from atlantis_netcfg.cli.qualify import _capped, _preview
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
@@ -198,6 +198,13 @@ def test_a_limit_in_eur_needs_a_tariff_in_eur_of_each_link_that_costs_money() ->
     site = DECLARED.sites["coastal"].model_copy(update={"bearers": (WIFI, dollars, SATELLITE)})
     with pytest.raises(UsageError, match="the tariff of `4g` is not declared in EUR"):
         preview(dollars, limits, replace(DECLARED, sites={**DECLARED.sites, "coastal": site}))
+
+
+def test_a_limit_in_eur_is_none_of_a_link_that_costs_nothing_and_the_cap_holds_beside_it() -> None:
+    limits = BudgetLimits(max_price=Decimal(1), max_bytes=9_000_000)
+    opened = cast("CommandSession", SimpleNamespace(declaration=DECLARED, site="coastal"))
+    assert _capped(opened, WIFI, limits) == BudgetLimits(max_bytes=9_000_000)
+    assert _capped(opened, SATELLITE, limits) == BudgetLimits(max_price=Decimal(1), max_bytes=5_000_000)
 
 
 def preview(bearer: Bearer, limits: BudgetLimits, declaration: Declaration) -> str:
