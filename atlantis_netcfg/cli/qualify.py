@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.qualify.result import QualifyResult
+    from atlantis_netcfg.operations.qualify.several import SeveralResults
     from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
 
 QUALIFY = CommandSpec(
@@ -47,7 +49,7 @@ QUALIFY = CommandSpec(
             "what is sent: small messages, images, as much as the link carries, or all of it (if left out: telemetry)",
             choices=("telemetry", "images", "throughput", "all"),
         ),
-        Word("over", "`vpn`: through the tunnel, over the link in use; otherwise beside it", choices=("vpn",)),
+        Word("over", "`vpn`: through this computer's own tunnel, which is led over the link", choices=("vpn",)),
         INVENTORY,
     ),
     flags=(
@@ -76,7 +78,6 @@ def run_qualify(arguments: Arguments) -> ExitCode:
     import json
 
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.core.errors import worst
     from atlantis_netcfg.declaration import choose
     from atlantis_netcfg.operations.qualify.run import far_end_of, links_of_site, router_of
 
@@ -85,27 +86,47 @@ def run_qualify(arguments: Arguments) -> ExitCode:
     def chosen(declaration: Declaration) -> tuple[Host, ...]:
         site = arguments.word("site")
         choose(declaration, site, ())
-        links_of_site(declaration, site, arguments.optional("link"))
+        links = links_of_site(declaration, site, arguments.optional("link"))
         far_end_of(declaration, over_vpn=arguments.optional("over") is not None)
-        return (router_of(declaration, site),)
+        router = router_of(declaration, site)
+        return (router, *(unit for bearer in links if (unit := _unit(declaration, bearer)) is not None))
 
     with session(arguments, rehearse=arguments.flag("rehearse"), via="lan", chosen=chosen) as opened:
-        results = _measured(opened, limits)
+        found = _measured(opened, limits)
     not_rehearsed = _not_rehearsed(opened)
-    code = worst([each.exit for each in results])
+    code = found.exit
     if opened.as_json:
         document = {
             "site": opened.site,
             "exit": int(code),
             "rehearsed": opened.rehearsed,
             "not_rehearsed": not_rehearsed,
-            "links": [each.as_json() for each in results],
+            "links": [each.as_json() for each in found.results],
+            "not_measured": [each.as_json() for each in found.not_measured],
         }
         print(json.dumps(document, ensure_ascii=False))
     else:
-        for line in (*(line for each in results for line in each.lines()), *not_rehearsed):
+        missing = (each.line() for each in found.not_measured)
+        for line in (*(line for each in found.results for line in each.lines()), *missing, *not_rehearsed):
             print(translate(line))
     return code
+
+
+def _unit(declaration: Declaration, bearer: Bearer) -> Host | None:
+    """The box of a 4G link that can be read."""
+    from atlantis_netcfg.declaration.model import BearerKind, LteDriver, LteRouter
+
+    host = declaration.hosts.get(bearer.device or "") if bearer.kind is BearerKind.LTE else None
+    device = None if host is None else host.device
+    return host if isinstance(device, LteRouter) and device.driver is not LteDriver.MANUAL else None
+
+
+def _facts(opened: CommandSession, bearer: Bearer, request: Request) -> dict[str, str]:
+    """What the box of a 4G link says: nothing of it goes over the link itself."""
+    from atlantis_netcfg.survey.radio import UnitRadio, facts_of
+
+    unit = _unit(opened.declaration, bearer)
+    return {} if unit is None else facts_of(UnitRadio(opened.declaration, unit, request, opened.store).read())
 
 
 def _not_rehearsed(opened: CommandSession) -> tuple[str, ...]:
@@ -113,7 +134,11 @@ def _not_rehearsed(opened: CommandSession) -> tuple[str, ...]:
         return ()
     from atlantis_netcfg.operations.qualify.emulation import not_rehearsed
 
-    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(opened.rehearsal))
+    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(opened.rehearsal, over_vpn=_over_vpn(opened)))
+
+
+def _over_vpn(opened: CommandSession) -> bool:
+    return opened.arguments.optional("over") is not None
 
 
 def _limits(arguments: Arguments) -> BudgetLimits:
@@ -147,49 +172,29 @@ def _number(arguments: Arguments, name: str) -> Decimal | None:
     return number
 
 
-def _measured(opened: CommandSession, limits: BudgetLimits) -> list[QualifyResult]:
-    """Measure the links one after the other; a limit holds for all of them together, and a stop ends all."""
+def _measured(opened: CommandSession, limits: BudgetLimits) -> SeveralResults:
+    """Measure the links one after the other. What ends the only one with an error is raised."""
     from contextlib import ExitStack
 
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.operations.qualify.run import links_of_site
+    from atlantis_netcfg.operations.qualify.several import measure_each
     from atlantis_netcfg.operations.request import refuse_examples
     from atlantis_netcfg.qualify.measured_run import Selection
-    from atlantis_netcfg.qualify.session import EndReason
 
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     links = links_of_site(opened.declaration, opened.site, opened.arguments.optional("link"))
     selection = Selection(opened.arguments.optional("profile") or Selection.TELEMETRY)
     _pay(opened, links, selection, limits)
-    results: list[QualifyResult] = []
     with ExitStack() as stack:
         notify = stack.enter_context(progress(quiet=opened.as_json))
         if opened.rehearsal is not None:
             opened.configure_twins(strict=True)
         stack.enter_context(opened.store.lock(opened.site, f"provision qualify site={opened.site}"))
-        for bearer in links:
-            found = _link(opened, bearer, selection, limits, notify)
-            results.append(found)
-            if found.run.reason != EndReason.DONE:
-                break
-            limits = _left(limits, found)
-    return results
-
-
-def _left(limits: BudgetLimits, found: QualifyResult) -> BudgetLimits:
-    """What a measured link leaves of the limits; nothing left is the least that can be."""
-    run = found.run
-    seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()
-    used = run.sent_bytes + run.received_bytes
-    return limits.model_copy(
-        update={
-            "max_bytes": None if limits.max_bytes is None else max(0, limits.max_bytes - used),
-            "max_seconds": None if limits.max_seconds is None else max(0.0, limits.max_seconds - seconds),
-            "max_price": None
-            if limits.max_price is None
-            else max(limits.max_price - (run.price or 0), limits.max_price * 0),
-        }
-    )
+        found = measure_each(links, limits, lambda bearer, left: _link(opened, bearer, selection, left, notify))
+    if len(links) == 1 and found.results[0].failure is not None:
+        raise found.results[0].failure
+    return found
 
 
 def _link(
@@ -198,12 +203,14 @@ def _link(
     from contextlib import ExitStack
     from datetime import UTC, datetime
 
+    from atlantis_netcfg.core.errors import NetcfgError
     from atlantis_netcfg.journal import make_private, new_run, os_errors_as
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.qualify.emulation import emulated_link
     from atlantis_netcfg.operations.qualify.result import QualifyResult
     from atlantis_netcfg.operations.qualify.run import LinkRun, far_end_of
     from atlantis_netcfg.qualify.kept import folder_of
+    from atlantis_netcfg.qualify.measured_run import RUN_FILE
     from atlantis_netcfg.qualify_pages import write_pages
 
     now = datetime.now(UTC)
@@ -211,11 +218,12 @@ def _link(
     with os_errors_as("the measurement", kept):
         folder = new_run(make_private(kept), now, f"{bearer.name}-{now:%Y%m%dT%H%M%SZ}")
     with ExitStack() as stack:
-        over_vpn = opened.arguments.optional("over") is not None
+        over_vpn = _over_vpn(opened)
         emulated = None
         if opened.rehearsal is not None:
             key = far_end_of(opened.declaration, over_vpn=False)[2]
-            emulated = stack.enter_context(emulated_link(bearer, key, opened.rehearsal))
+            emulated = stack.enter_context(emulated_link(bearer, key, opened.rehearsal, over_vpn=over_vpn))
+        request = opened.request(Mode.DRIFT)
         run = LinkRun(
             opened.declaration,
             opened.site,
@@ -226,9 +234,16 @@ def _link(
             over_vpn=over_vpn,
             emulated=emulated,
             notify=notify,
+            facts=_facts(opened, bearer, request),
         )
-        run.measure(opened.request(Mode.DRIFT))
-    return QualifyResult(write_pages(folder), folder)
+        failure = None
+        try:
+            run.measure(request)
+        except NetcfgError as error:
+            if not (folder / RUN_FILE).is_file():
+                raise
+            failure = error
+    return QualifyResult(write_pages(folder), folder, failure)
 
 
 def _capped(opened: CommandSession, bearer: Bearer, limits: BudgetLimits) -> BudgetLimits:
@@ -265,7 +280,7 @@ def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limit
     from atlantis_netcfg.operations.qualify.plan import planned
 
     link = link_of(opened.declaration, opened.site, bearer.name)
-    plan = planned(bearer, selection, rehearsed=opened.rehearsed)
+    plan = planned(bearer, selection, rehearsed=opened.rehearsed, over_vpn=_over_vpn(opened))
     if limits.max_price is not None and link.metered and (link.tariff is None or link.tariff.currency != "EUR"):
         raise UsageError(
             f"`--max-eur`: the tariff of `{link.name}` is not declared in EUR", hint=f"declare {link.tariff_key}"

@@ -224,9 +224,15 @@ def gaps_of_cycle(shape: LinkShape, number: int) -> tuple[tuple[float, float], .
 
 
 class UdpRelay:
-    """Listens on 127.0.0.1 and carries datagrams between whoever sends there and a server, over two models."""
+    """Listens on 127.0.0.1 and carries datagrams between whoever sends there and a server, over two models.
 
-    def __init__(self, server: tuple[str, int], up: LinkShape, down: LinkShape, seed: int = 0) -> None:
+    `headers`: octets that each has on the link beside its payload.
+    """
+
+    def __init__(
+        self, server: tuple[str, int], up: LinkShape, down: LinkShape, seed: int = 0, *, headers: int = HEADERS
+    ) -> None:
+        self._headers = headers
         self.up = LinkModel(up, random.Random(seed))  # noqa: S311 - an emulation
         self.down = LinkModel(down, random.Random(seed + 1))  # noqa: S311
         self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -273,7 +279,7 @@ class UdpRelay:
             with self._lock:
                 if up:
                     self._client = source
-                for arrival in model.offer(len(datagram) + HEADERS, time.monotonic() - self._begin):
+                for arrival in model.offer(len(datagram) + self._headers, time.monotonic() - self._begin):
                     self._count += 1
                     heapq.heappush(self._due, (arrival, self._count, up, datagram))
                 self._lock.notify()

@@ -11,7 +11,7 @@ from atlantis_netcfg.bearers.standing import LinkPace
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.journal import NoSuchRun
 from atlantis_netcfg.operations.standing import declared_pace
-from atlantis_netcfg.qualify.budget import IPV4_HEADERS
+from atlantis_netcfg.qualify.budget import IPV4_HEADERS, VPN_HEADERS
 from atlantis_netcfg.qualify.grids import message_bytes
 from atlantis_netcfg.qualify.kept import kept_run, kept_runs, record_of
 from atlantis_netcfg.qualify.messages import MessagePlan
@@ -76,7 +76,8 @@ def _carried(record: QualifyRecord, way: str) -> float | None:
     row = next((row for row in record.load if row.way == way), None)
     if row is None or row.goodput_bps is None or row.bounded:
         return None
-    return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), IPV4_HEADERS) / row.size
+    headers = IPV4_HEADERS + (VPN_HEADERS if record.run.far_end.over_vpn else 0)
+    return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), headers) / row.size
 
 
 def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime, within_days: int) -> Capacity:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 IPV4_HEADERS: Final = 28
 """IPv4 without options, and UDP."""
 IPV6_HEADERS: Final = 48
+VPN_HEADERS: Final = 52
+"""What OpenVPN puts around a packet over UDP with an AEAD cipher: IPv4 and UDP again, opcode and peer, number, tag."""
 COPY_S: Final = 1.0
 """How long after an answer the link may still bring its copy."""
 
@@ -165,6 +167,11 @@ class BudgetGuard:
             left -= min(awaited, left)
         self._arrived.append((self.seconds + COPY_S, size))
         self._copies += size
+
+    @property
+    def charged_bytes(self) -> int:
+        """What was admitted, with answers that have not come: they may still, and a provider may bill them."""
+        return self._charged
 
     def spent(self) -> Bill:
         """Price what has passed up to now: what was sent, and what came."""

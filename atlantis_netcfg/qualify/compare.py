@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from atlantis_netcfg.qualify.figures import TrainFigures
+    from atlantis_netcfg.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.qualify.record import QualifyRecord
 
 ALIKE: Final = 0.05
@@ -99,11 +100,22 @@ class FigureChange:
 
 
 @dataclass(frozen=True, slots=True)
+class FactChange:
+    """What was said of the circumstances of two runs; None: nothing."""
+
+    title: str
+    first: str | None
+    second: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class RunComparison:
     """Two runs; `remarks`: why they may not be comparable."""
 
     remarks: tuple[str, ...]
     figures: tuple[FigureChange, ...]
+    facts: tuple[FactChange, ...] = ()
+    """What the boxes said at the time, and the tool."""
 
 
 def compared(first: QualifyRecord, second: QualifyRecord) -> RunComparison:
@@ -111,7 +123,19 @@ def compared(first: QualifyRecord, second: QualifyRecord) -> RunComparison:
     return RunComparison(
         tuple(_remarks(first, second)),
         tuple(_change(item, item.value(first), item.value(second)) for item in HEADLINES),
+        tuple(_facts(first.run, second.run)),
     )
+
+
+def _facts(first: MeasuredRun, second: MeasuredRun) -> Iterator[FactChange]:
+    facts = [{"tool": run.tool, "this computer's clock": clock_words(run), **run.facts} for run in (first, second)]
+    for title in dict.fromkeys((*facts[0], *facts[1])):
+        yield FactChange(title, facts[0].get(title), facts[1].get(title))
+
+
+def clock_words(run: MeasuredRun) -> str:
+    """In words."""
+    return "synchronised" if run.clock_synchronised else "not known to be synchronised"
 
 
 def _change(item: Headline, first: float | None, second: float | None) -> FigureChange:

@@ -29,6 +29,8 @@ SHAPE_UNKNOWN: Final = (
 RTPS_OCTETS: Final = 72
 """What RTPS adds to a small sample: 60 to 80 octets were counted."""
 FEW: Final = "few messages"
+LEAST_PACKETS: Final = 10
+"""Fewer of a train sustain no rate."""
 """One is lost, and of so few that it is more than may be: neither a failure nor proof."""
 TELEMETRY_SIZES: Final = (32, 128, 512)
 TELEMETRY_RATES_HZ: Final = (1.0, 2.0, 4.0, 10.0)
@@ -132,7 +134,7 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
         verdict, reason = Verdict.FAIL, "loss"
     elif rtt.p95 > idle_p50_s + max(MIN_BAND_S, BAND * idle_p50_s):
         verdict, reason = Verdict.FAIL, "latency"
-    elif lossy:
+    elif lossy or known < LEAST_PACKETS:
         verdict, reason = Verdict.INCONCLUSIVE, FEW
     return RateRow(
         f"{octets} B",

@@ -1,8 +1,8 @@
 """Verdicts on figures against a named profile of thresholds, in the words of ITU-T Y.1564 and RFC 6349.
 
-A figure that is missing, or made of too few packets, is INCONCLUSIVE. So is a loss of which the reflector made a part
-by refusing what exceeded its rate. A train that nobody answered fails only where it was long enough to outlive a
-satellite's gap.
+A figure that is missing, or made of too few packets or answers, is INCONCLUSIVE; so are gaps that a train was too short
+for, and a loss of which the reflector made a part by refusing what exceeded its rate. A train that nobody answered
+fails only where it was long enough to outlive a satellite's gap.
 """
 
 from __future__ import annotations
@@ -84,10 +84,13 @@ def judge(idle: TrainFigures, limits: QualifyProfile, under_load: TrainFigures |
         return [_silence(idle, limits, span_s)]
     few = f"only {known} packets, {limits.min_samples} are needed" if known < limits.min_samples else ""
     refused = f"the reflector refused {loss.limited} packets for its rate" if loss.limited else ""
-    judged = [_at_most("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", few)]
+    seldom = few
+    if not few and 2 * idle.rtt.n < limits.min_samples:
+        seldom = f"only {idle.rtt.n} answers, {-(-limits.min_samples // 2)} are needed"
+    judged = [_at_most("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", seldom)]
     for way, variation in (("up", idle.up), ("down", idle.down)):
         value = None if variation is None else variation.above_min.p95
-        judged.append(_at_most(f"FDV {way}, 95 %", value, limits.fdv_s, "s", few))
+        judged.append(_at_most(f"FDV {way}, 95 %", value, limits.fdv_s, "s", seldom))
     if loss.up is None or loss.down is None:
         judged.append(_at_most(f"FLR, both ways ({loss.why})", loss.share, limits.flr, "", few or refused))
     else:
@@ -95,7 +98,10 @@ def judge(idle: TrainFigures, limits: QualifyProfile, under_load: TrainFigures |
         up, down = loss.up / known, loss.down / reached if reached else None
         judged.append(_at_most("FLR up", up, limits.flr, "", few or refused))
         judged.append(_at_most("FLR down", down, limits.flr, "", few))
-    judged.append(_at_most("longest gap", idle.gaps.longest_s, limits.gap_s, "s", ""))
+    longest = idle.gaps.longest_s
+    unseen = longest <= limits.gap_s and span_s <= limits.gap_s
+    short = f"a gap of {limits.gap_s:g} s cannot be seen in {span_s:.3g} s" if unseen else ""
+    judged.append(_at_most("longest gap", longest, limits.gap_s, "s", short))
     # Packets that are a second apart cannot show a gap of one second.
     seen = span_s and idle.interval_s <= _SHORT_S
     judged.append(_at_least("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if seen else None, limits.avail, few))

@@ -3,10 +3,10 @@
 A run is a folder with two files: `samples.jsonl` (`samples`) and `run.json`, which holds one `MeasuredRun`. Figures,
 tables, plots and verdicts are made of these two, so that they can be made again with other thresholds.
 
-Streams of a run are named so that a reader of samples knows what they are: `idle` and `loaded` (trains), `load up` and
-`load down` (messages), `telemetry SIZE RATE`, `image LABEL RATE`, `rate SIZE RATE` (octets, and messages a second as
-`%g`; a label as `grids.NominalImage.label` has it). `rate SIZE 0`: messages one after the other, without load, whose
-latency those of this size are compared with.
+Streams of a run are named so that a reader of samples knows what they are: `idle` and `loaded` (trains), `led` (a train
+while a tunnel moves to the link), `load up` and `load down` (messages), `telemetry SIZE RATE`, `image LABEL RATE`,
+`rate SIZE RATE` (octets, and messages a second as `%g`; a label as `grids.NominalImage.label` has it). `rate SIZE 0`:
+messages one after the other, without load, whose latency those of this size are compared with.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ class BudgetLimits(RunPart):
 class LinkCount(RunPart):
     """What the router counted on one of the site's links between the first packet and the last.
 
-    `test_*`: packets of this run alone, by counting rows of the router; None: it has not counted.
+    `test_*`: packets of this run alone, by counting rows of the router; None: it has not counted. Through the VPN: all
+    of this computer's tunnel.
     `port_*`: whatever passed the port, traffic of the site included.
     """
 
@@ -103,6 +104,7 @@ class MeasuredRun(RunPart):
     reason: str
     """Why it ended: `done`, `stopped`, or the limit of the budget."""
     clock_synchronised: bool
+    """This computer's, by its kernel."""
     budget: BudgetLimits
     currency: str | None = None
     tariff: Tariff | None = None
@@ -110,6 +112,8 @@ class MeasuredRun(RunPart):
     sent_bytes: int = 0
     """As they went over the wire, IP and UDP headers included; by this computer's count."""
     received_bytes: int = 0
+    charged_bytes: int = 0
+    """What counts for the budget: with answers that have not come, since a provider may bill them."""
     price: Decimal | None = None
     counts: tuple[LinkCount, ...] = ()
     """Of every link of the site, the measured one among them."""
@@ -122,7 +126,7 @@ class MeasuredRun(RunPart):
     thresholds_name: str
     thresholds: QualifyProfile
     facts: dict[str, str] = {}
-    """What the boxes said of the link at the beginning: signal, cell, firmware. Label to value."""
+    """What the boxes said of the link at the beginning: signal, cell, version. Label to value."""
     remarks: tuple[str, ...] = ()
     time_zone: str = ""
     """The pilot's, as IANA names it, for pages; empty: UTC."""

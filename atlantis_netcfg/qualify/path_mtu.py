@@ -70,6 +70,7 @@ class _MtuProbe:
     guard: BudgetGuard
     timeout_s: float
     patience_s: float
+    headers: int
     session_id: int
     sequence: int = 0
 
@@ -86,12 +87,12 @@ class _MtuProbe:
 
     def _short(self) -> int:
         base = extended_size(authenticated=self.peer.key is not None)
-        return base + ACKNOWLEDGEMENT_SIZE + self.transport.headers
+        return base + ACKNOWLEDGEMENT_SIZE + self.headers
 
     def _answered(self, size: int, *, up_only: bool) -> bool:
-        payload = size - self.transport.headers
+        payload = size - self.headers
         tlvs = self._extensions(payload, up_only=up_only)
-        answer = self._short() - self.transport.headers if up_only else payload
+        answer = self._short() - self.headers if up_only else payload
         if not self.guard.admit(payload, answer):
             raise _OutOfBudget
         error = error_estimate(self.peer.clock_error_s, synchronised=self.peer.synchronised)
@@ -127,9 +128,14 @@ def path_mtu(  # noqa: PLR0913 - each has its name where it is given
     highest: int = ETHERNET,
     timeout_s: float = 3.0,
     patience_s: float = 90.0,
+    headers: int | None = None,
 ) -> PathMtu:
-    """Search between 576 and `highest` octets. The way there alone needs our reflector."""
-    probe = _MtuProbe(transport, peer, guard, timeout_s, patience_s, secrets.randbelow(65535) + 1)
+    """Search between 576 and `highest` octets. The way there alone needs our reflector.
+
+    `headers`: those that count for the size, where a tunnel puts more around each packet.
+    """
+    counted = transport.headers if headers is None else headers
+    probe = _MtuProbe(transport, peer, guard, timeout_s, patience_s, counted, secrets.randbelow(65535) + 1)
     up = both = None
     try:
         if peer.counts:

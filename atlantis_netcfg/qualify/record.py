@@ -10,6 +10,7 @@ import re
 from collections import defaultdict
 from dataclasses import asdict, dataclass, replace
 from decimal import Decimal  # noqa: TC003 - dataclasses in a model
+from math import isclose
 from typing import TYPE_CHECKING, Final, Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -164,7 +165,8 @@ def make_record(
     judgements = tuple(judge(idle, limits, loaded)) if idle is not None else ()
     if run.selection not in _WITH_LOAD:
         judgements = tuple(item for item in judgements if not item.criterion.startswith(_UNDER_LOAD))
-    whole = Verdict.PASS if run.reason == EndReason.DONE else Verdict.INCONCLUSIVE
+    ended = run.reason == EndReason.DONE and idle is not None and idle.reason == EndReason.DONE
+    whole = Verdict.PASS if ended else Verdict.INCONCLUSIVE
     seconds = (run.ended - run.begun).total_seconds() if run.ended is not None else 0.0
     wire = run.sent_bytes + run.received_bytes
     return QualifyRecord(
@@ -285,9 +287,14 @@ class _Measured:
     def _highest_rate(self, windows: Mapping[float, MessageFigures], reference: float, idle_loss: float) -> HighestRate:
         """Go through the windows as the search did that measured them: it is judged anew, by the same rules."""
         first = next(iter(windows.values()))
+
+        def measured(rate_hz: float) -> MessageFigures | None:
+            # The names of streams have six digits of a rate.
+            return next((seen for rate, seen in windows.items() if isclose(rate, rate_hz, rel_tol=1e-4)), None)
+
         found = sustained_rate(
             first.size,
-            windows.get,
+            measured,
             idle_latency_s=reference,
             idle_loss=idle_loss,
             first_hz=min(windows),

@@ -45,6 +45,10 @@ class EndReason(StrEnum):
 
     DONE = "done"
     STOPPED = "stopped"
+    SILENT = "no answer"
+    """To anything at all: what is left needs answers."""
+    LEFT_OUT = "nothing to try"
+    """By its declared rate the link carries none of the sizes and rates."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.qualify.compare import loss_shares
+from atlantis_netcfg.qualify.compare import clock_words, loss_shares
 from atlantis_netcfg.qualify.figures import GAPS_S
 from atlantis_netcfg.qualify.session import EndReason
 
@@ -151,7 +151,8 @@ def _way(record: QualifyRecord) -> PageSection:
     why = f": {run.way_reason}" if run.way_reason else ""
     notes = [f"{run.way.value}{why}"]
     if rows:
-        notes.append("By the router's counters: packets of this run, and all bytes that passed the port meanwhile.")
+        whose = "this computer's tunnel" if run.far_end.over_vpn else "this run"
+        notes.append(f"By the router's counters: packets of {whose}, and all bytes that passed the port meanwhile.")
     return PageSection(
         "way", "Which link carried it", tuple(notes), FigureTable(_COLUMNS["way"], rows, named=True) if rows else None
     )
@@ -334,7 +335,7 @@ def _circumstances(record: QualifyRecord) -> PageSection:
         ("way to the far end", "through the VPN" if end.over_vpn else "beside the VPN"),
         ("test packets", "authenticated with a key" if end.authenticated else "not authenticated"),
         ("sent from", end.source),
-        ("this computer's clock", "synchronised" if run.clock_synchronised else "not known to be synchronised"),
+        ("this computer's clock", clock_words(run)),
         ("it began", time_text(run.begun, run.time_zone)),
         ("it ended", UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
         ("what was measured", run.selection.value),

@@ -9,7 +9,7 @@ from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.qualify.compare import HEADLINES, FigureTrend
 from atlantis_netcfg.qualify_pages.pages import STYLES
-from atlantis_netcfg.qualify_pages.sections import in_unit
+from atlantis_netcfg.qualify_pages.sections import UNKNOWN, in_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -41,6 +41,12 @@ def comparison_rows(first: QualifyRecord, second: QualifyRecord, comparison: Run
         difference = "" if item.difference is None else f"{100 * item.difference:+.0f} %"
         word = Styled(translate(item.change.value), _CHANGES.get(item.change, Style.QUIET))
         yield f"{translate(item.title):<26}{values}{difference:>9}  ", word
+    yield ""
+    for fact in comparison.facts:
+        both = (UNKNOWN if value is None else value for value in (fact.first, fact.second))
+        first_words, second_words = map(translate, both)
+        words = first_words if first_words == second_words else f"A: {first_words}; B: {second_words}"
+        yield from wrapped(f"{translate(fact.title)}: {words}", NARROW, _MARGIN)
 
 
 def history_rows(records: Sequence[QualifyRecord]) -> Iterator[Row]:

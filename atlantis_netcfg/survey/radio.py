@@ -105,6 +105,21 @@ class UnitRadio:
         return None
 
 
+def facts_of(sample: RadioSample) -> dict[str, str]:
+    """What the unit has said, in words: label to value."""
+    levels = (("RSRP", sample.rsrp_dbm, "dBm"), ("RSRQ", sample.rsrq_db, "dB"), ("SINR", sample.sinr_db, "dB"))
+    words = {
+        "4G unit": f"not read: {sample.no_radio}" if sample.no_radio else None,
+        "4G registration": None if sample.registration is None else sample.registration.replace("_", " "),
+        "4G technology": sample.technology,
+        "4G operator": sample.operator,
+        "4G band": sample.band,
+        "4G cell": sample.cell,
+        **{name: None if value is None else f"{value:g} {unit}" for name, value, unit in levels},
+    }
+    return {label: value for label, value in words.items() if value is not None}
+
+
 def sample_of(reading: LteReading) -> RadioSample:
     """What a survey keeps of a reading."""
     return RadioSample(

@@ -19,6 +19,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.udp_link import UdpRelay
 from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.qualify.budget import IPV4_HEADERS, VPN_HEADERS
 from atlantis_netcfg.qualify.transport import UdpTransport
 
 if TYPE_CHECKING:
@@ -30,12 +31,16 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
 _LINK = "the link: it does what is declared below `rate`, and nothing else"
+_TUNNEL_PORT = 1194
+"""Of the emulated computer's end of the VPN."""
+_VPN = "the VPN: its octets are counted around each packet, and no tunnel is made"
 _ROUTER = "the router: it does not carry the test packets, and is told afterwards what a relay of this computer carried"
 
 
-def not_rehearsed(twins: Rehearsal) -> tuple[str, ...]:
+def not_rehearsed(twins: Rehearsal, *, over_vpn: bool = False) -> tuple[str, ...]:
     """What a rehearsal says nothing about, in a person's words."""
-    return (_LINK if twins.replay is None else twins.replay.not_rehearsed, _ROUTER)
+    vpn = (_VPN,) if over_vpn else ()
+    return (_LINK if twins.replay is None else twins.replay.not_rehearsed, _ROUTER, *vpn)
 
 
 @dataclass(slots=True)
@@ -59,7 +64,7 @@ class EmulatedLink:
             router,
             "carry",
             source=flow.source,
-            source_port=flow.source_port,
+            source_port=flow.source_port or _TUNNEL_PORT,
             target=flow.far,
             target_port=flow.far_port,
             up=[up.sent, up.sent_bytes],
@@ -72,12 +77,13 @@ class EmulatedLink:
 
 
 @contextmanager
-def emulated_link(bearer: Bearer, key: bytes, twins: Rehearsal) -> Iterator[EmulatedLink]:
-    """Start the far end and the relay before it; both end with the context."""
+def emulated_link(bearer: Bearer, key: bytes, twins: Rehearsal, *, over_vpn: bool = False) -> Iterator[EmulatedLink]:
+    """Start the far end and the relay before it; both end with the context. The VPN is no more than its octets."""
+    headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
     with (
         temporary.folder("qualify") as folder,
         _reflector(folder, key) as port,
-        UdpRelay(("127.0.0.1", port), *link_shapes(bearer, twins.replay)) as relay,
+        UdpRelay(("127.0.0.1", port), *link_shapes(bearer, twins.replay), headers=headers) as relay,
     ):
         yield EmulatedLink(relay, twins)
 

@@ -11,7 +11,7 @@ from atlantis_netcfg.operations.qualify.plan import HIGHEST_HZ
 from atlantis_netcfg.qualify.figures import train_figures
 from atlantis_netcfg.qualify.messages import MessageStream
 from atlantis_netcfg.qualify.messages_down import DownMessageStream
-from atlantis_netcfg.qualify.path_mtu import PathMtu, path_mtu
+from atlantis_netcfg.qualify.path_mtu import ETHERNET, PathMtu, path_mtu
 from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE
 from atlantis_netcfg.qualify.samples import MessageEnded, PacketSent, ReplyReceived
 from atlantis_netcfg.qualify.search import RateLimit, SustainedRate, sustained_rate
@@ -29,16 +29,22 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.transfers import MessageFigures
     from atlantis_netcfg.qualify.transport import Arrival, DatagramTransport
 
-IDLE, LOADED, LOAD_UP, LOAD_DOWN = "idle", "loaded", "load up", "load down"
+LED, IDLE, LOADED, LOAD_UP, LOAD_DOWN = "led", "idle", "loaded", "load up", "load down"
 CUT_OFF = "cut off"
 """The reason of a run that could not say how it ended."""
 
 
 class CountedTransport:
-    """A transport that counts what this computer took and what came, and ends a measurement when it is told to."""
+    """A transport that counts what this computer took and what came, and ends a measurement when it is told to.
 
-    def __init__(self, inner: DatagramTransport, stop: threading.Event | None = None) -> None:
-        self.headers = inner.headers
+    `tunnel_headers`: what a tunnel puts around each packet; it is on the wire, and paid, as well.
+    """
+
+    def __init__(
+        self, inner: DatagramTransport, stop: threading.Event | None = None, *, tunnel_headers: int = 0
+    ) -> None:
+        self.headers = inner.headers + tunnel_headers
+        self.tunnel_headers = tunnel_headers
         self.sent_packets = self.sent_bytes = 0
         self.received_packets = self.received_bytes = 0
         self._inner = inner
@@ -102,6 +108,7 @@ class Measurement:
     def measure(self) -> str:
         """Send everything; why it ended. What was measured until then is kept."""
         stages: list[tuple[str, Callable[[], None]]] = [
+            *([("the tunnel over the link", self._led)] if self.plan.led is not None else []),
             ("round trips without load", self._idle),
             ("path MTU", self._mtu),
             *([("round trips beside a load", self._load)] if self.plan.load is not None else []),
@@ -118,7 +125,13 @@ class Measurement:
                 self.reason = EndReason.STOPPED
             if self.reason != EndReason.DONE:
                 break
+        if self.reason == EndReason.DONE and self.plan.left_out and not self.plan.cells:
+            self.reason = EndReason.LEFT_OUT
         return self.reason
+
+    def _led(self) -> None:
+        assert self.plan.led is not None  # noqa: S101 - `measure` has looked
+        self._run_streams(Train(LED, self.plan.led, self.peer, self.transport, self.write))
 
     def _idle(self) -> None:
         self._run_streams(Train(IDLE, self.plan.idle, self.peer, self.transport, self.write))
@@ -127,10 +140,21 @@ class Measurement:
         times = self.plan.times
         timeout = min(3.0, times.timeout_s)
         before = self.transport.sent_packets - self.transport.received_packets
-        self.mtu = path_mtu(self.transport, self.peer, self.guard, timeout_s=timeout, patience_s=times.give_up_s)
+        around = self.transport.tunnel_headers
+        self.mtu = path_mtu(
+            self.transport,
+            self.peer,
+            self.guard,
+            highest=ETHERNET - around,  # what is longer, a tunnel sends in two pieces
+            timeout_s=timeout,
+            patience_s=times.give_up_s,
+            headers=self.transport.headers - around,
+        )
         self.unanswered_sizes = max(0, self.transport.sent_packets - self.transport.received_packets - before)
         if self.guard.limited_by is not None:
             self.reason = self.guard.limited_by
+        elif self.mtu.both is None and not any(isinstance(each, ReplyReceived) for each in self.samples):
+            self.reason = EndReason.SILENT
 
     def _load(self) -> None:
         assert self.plan.load is not None  # noqa: S101 - `measure` has looked

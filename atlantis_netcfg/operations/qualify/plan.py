@@ -7,10 +7,11 @@ declaration are left out: to send them for long costs money and shows nothing ne
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.declaration.model import Pace
-from atlantis_netcfg.qualify.budget import IPV4_HEADERS
+from atlantis_netcfg.qualify.budget import IPV4_HEADERS, VPN_HEADERS
 from atlantis_netcfg.qualify.grids import (
     IMAGE_RATES_HZ,
     IMAGES,
@@ -22,6 +23,7 @@ from atlantis_netcfg.qualify.grids import (
     telemetry_plan,
     train_bytes,
 )
+from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import Selection
 from atlantis_netcfg.qualify.messages import MessagePlan
 from atlantis_netcfg.qualify.messages_down import requested_bytes
@@ -33,9 +35,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.qualify.judgement import QualifyProfile
 
 IDLE_PACKETS: Final = 600
 """As many as the shipped thresholds ask for (`min_samples`)."""
+GAP_SHARE: Final = 1.2
+"""How much longer than the longest gap allowed the train without load is at least."""
 HIGHEST_HZ: Final = 64.0
 """No higher rate of messages is tried."""
 LOAD_SHARE: Final = 1.2
@@ -102,12 +107,18 @@ class QualifyPlan:
     """Cells that the link cannot carry by its declaration."""
     sizes: tuple[int, ...]
     """Whose highest rate is looked for."""
+    headers: int = IPV4_HEADERS
+    """Of each packet on the link: IPv4 and UDP, and what the VPN puts around them."""
+    led: TrainPlan | None = None
+    """Packets that may be lost while a tunnel moves to the link: no figure is made of them."""
 
     @property
     def bytes(self) -> int:
         """What goes over the link at most, both ways together, headers included; nothing is sent again."""
-        headers = IPV4_HEADERS
+        headers = self.headers
         total = train_bytes(self.idle, headers) + _MTU_BYTES
+        if self.led is not None:
+            total += train_bytes(self.led, headers)
         if self.load is not None:
             beside = TrainPlan(AUTHENTICATED_SIZE, self.idle.interval_s, self.times.load_s)
             total += message_bytes(self.load, headers) + train_bytes(beside, headers)
@@ -125,6 +136,7 @@ class QualifyPlan:
         """How long it takes on a link without gaps."""
         wait, times = self.times.timeout_s, self.times
         seconds = self.idle.duration_s + wait + 10 * wait
+        seconds += 0 if self.led is None else self.led.duration_s + wait
         seconds += sum(times.load_s + wait for load in (self.load, self.load_down) if load is not None)
         seconds += sum(cell.plan.duration_s + wait for cell in self.cells)
         for size in self.sizes:
@@ -147,7 +159,7 @@ class QualifyPlan:
 
     def carries_hz(self, size: int) -> float:
         """How many messages a second the declared rate has room for."""
-        return self.up_bps / 8 / (message_bytes(MessagePlan(size, 1, 1), IPV4_HEADERS))
+        return self.up_bps / 8 / message_bytes(MessagePlan(size, 1, 1), self.headers)
 
     def windows(self, size: int) -> Iterator[MessagePlan]:
         """Every window that the search may need where the declared rate is true."""
@@ -161,14 +173,31 @@ class QualifyPlan:
             yield self.window(size, min(rate, HIGHEST_HZ))
 
 
-def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False) -> QualifyPlan:
+def thresholds_of(bearer: Bearer) -> tuple[str, QualifyProfile]:
+    """What a link is held against, with the name that a person reads."""
+    declared = bearer.qualify
+    name = (declared.profile or bearer.kind.traits.thresholds).value
+    changes = declared.model_dump(exclude={"profile"}, exclude_none=True)
+    shown = f"{name}, with its own {', '.join(changes)}" if changes else name
+    return shown, profile(name).model_copy(update=changes)
+
+
+def _idle_packets(bearer: Bearer, interval_s: float, *, rehearsed: bool) -> int:
+    """As many as prove something, and on a real link for long enough that the longest gap allowed would be seen."""
+    limits = thresholds_of(bearer)[1]
+    outlasts = 0 if rehearsed else ceil(GAP_SHARE * limits.gap_s / interval_s)
+    return max(IDLE_PACKETS, limits.min_samples, outlasts)
+
+
+def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False, over_vpn: bool = False) -> QualifyPlan:
     """Pure."""
+    headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
     times = REHEARSED if rehearsed else TIMES[bearer.kind.traits.pace]
     up_bps, down_bps = bearer.rate.up_kbps * 1000, bearer.rate.down_kbps * 1000
     chosen = [part for part in SEARCH_SIZES if selection in {part, Selection.ALL}]
     cells = [*_cells(chosen, times)]
-    carried = [cell for cell in cells if _offered_bps(cell) <= CARRIED * up_bps]
-    idle_s = IDLE_PACKETS * times.idle_interval_s
+    carried = [cell for cell in cells if _offered_bps(cell, headers) <= CARRIED * up_bps]
+    idle_s = _idle_packets(bearer, times.idle_interval_s, rehearsed=rehearsed) * times.idle_interval_s
     return QualifyPlan(
         selection,
         times,
@@ -179,6 +208,8 @@ def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False) ->
         tuple(carried),
         len(cells) - len(carried),
         tuple(SEARCH_SIZES[part] for part in chosen),
+        headers,
+        TrainPlan(AUTHENTICATED_SIZE, 0.5, 1.5, times.timeout_s) if over_vpn else None,
     )
 
 
@@ -203,8 +234,8 @@ def _cells(chosen: Sequence[Selection], times: StageTimes) -> Iterator[RateCell]
                 yield RateCell(f"image {image.label} {rate:g}", rate, messages, image, image.octets)
 
 
-def _offered_bps(cell: RateCell) -> float:
+def _offered_bps(cell: RateCell, headers: int) -> float:
     plan = cell.plan
     if isinstance(plan, TrainPlan):
-        return 8 * (plan.size + IPV4_HEADERS) * cell.rate_hz
-    return 8 * message_bytes(MessagePlan(plan.size, 1, 1), IPV4_HEADERS) * cell.rate_hz
+        return 8 * (plan.size + headers) * cell.rate_hz
+    return 8 * message_bytes(MessagePlan(plan.size, 1, 1), headers) * cell.rate_hz

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from atlantis_netcfg.core.errors import NetcfgError
     from atlantis_netcfg.qualify.judgement import Judgement
     from atlantis_netcfg.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.qualify.record import HighestRate, QualifyRecord
@@ -31,6 +32,8 @@ class QualifyResult:
 
     record: QualifyRecord
     folder: Path
+    failure: NetcfgError | None = None
+    """What has ended it before its time."""
 
     @property
     def run(self) -> MeasuredRun:
@@ -39,7 +42,12 @@ class QualifyResult:
 
     @property
     def exit(self) -> ExitCode:
-        """0: all was measured, every criterion passed, and the way is proved. 7: nothing was sent. Else 6."""
+        """0: all was measured, every criterion passed, and the way is proved. 7: nothing was sent. Else 6.
+
+        Where an error has ended it, the code of that.
+        """
+        if self.failure is not None:
+            return self.failure.exit
         if not self.run.sent_bytes:
             return ExitCode.NOTHING
         return ExitCode.DONE if self.record.verdict is Verdict.PASS else ExitCode.CHECKS_FAILED
@@ -49,6 +57,7 @@ class QualifyResult:
         return {
             "exit": int(self.exit),
             "folder": str(self.folder),
+            "error": None if self.failure is None else str(self.failure),
             "run": self.run.model_dump(mode="json"),
             "judged": [asdict(each) for each in self.record.judgements],
             "load": [asdict(row) for row in self.record.load],
@@ -90,7 +99,7 @@ class QualifyResult:
         if rows := (*self.record.telemetry, *self.record.images):
             yield from table(rows)
         for remark in run.remarks:
-            yield f"  {remark}"
+            yield f"  {'error: ' if self.failure is not None and remark == str(self.failure) else ''}{remark}"
         yield f"  {_ended(run)}"
         yield f"  kept in {from_home(self.folder)}"
 
@@ -116,6 +125,8 @@ def _ended(run: MeasuredRun) -> str:
     why = {
         EndReason.DONE: "all was measured",
         EndReason.STOPPED: "stopped; what was measured is kept",
+        EndReason.LEFT_OUT: "by its declared rate the link carries none of the sizes and rates",
+        EndReason.SILENT: "nothing was answered, so the rest was left out",
         CUT_OFF: "cut off before its end",
     }
     words = why.get(run.reason, f"the limit of {run.reason} was reached; what was measured is kept")

@@ -13,20 +13,28 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.declaration.model import ServerComputer
+from atlantis_netcfg.declaration.model import ServerComputer, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import far_end
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.prove import temporarily
-from atlantis_netcfg.operations.costs import link_of, ports_of, ways_of
+from atlantis_netcfg.operations.costs import link_of, ports_of
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.qualify.measure import CUT_OFF, CountedTransport, Measurement
-from atlantis_netcfg.operations.qualify.plan import planned
-from atlantis_netcfg.operations.qualify.way import MeasuredFlow, counters, first_rows, judge_way, link_counts, rows
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.judgement import QualifyProfile, profile
+from atlantis_netcfg.operations.qualify.plan import planned, thresholds_of
+from atlantis_netcfg.operations.qualify.way import (
+    MeasuredFlow,
+    TunnelTraffic,
+    counters,
+    first_rows,
+    judge_tunnel,
+    judge_way,
+    link_counts,
+    router_words,
+    rows,
+)
+from atlantis_netcfg.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
 from atlantis_netcfg.qualify.measured_run import (
     SAMPLES_FILE,
     BudgetLimits,
@@ -36,6 +44,7 @@ from atlantis_netcfg.qualify.measured_run import (
     Selection,
     write_run,
 )
+from atlantis_netcfg.qualify.reflector.clock import ClockState, kernel_clock
 from atlantis_netcfg.qualify.samples import SampleWriter
 from atlantis_netcfg.qualify.session import ReflectorPeer
 from atlantis_netcfg.qualify.transport import UdpTransport
@@ -43,6 +52,7 @@ from atlantis_netcfg.routeros.api import Command, Session
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
@@ -56,7 +66,9 @@ if TYPE_CHECKING:
 _ALIVE_S: Final = 10.0
 """How often the router is asked whether its session is there: without it the rows go, and packets stray."""
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-IN_TUNNEL: Final = "the packets are inside the VPN, where the router cannot count them apart"
+TUNNEL_MTU: Final = (
+    "the path MTU is the tunnel's: longer packets are cut in two, and so are shorter ones where a link takes less"
+)
 
 
 class NothingToQualify(NothingMatched):
@@ -84,7 +96,10 @@ def router_of(declaration: Declaration, site: str) -> Host:
 
 
 def far_end_of(declaration: Declaration, *, over_vpn: bool) -> tuple[str, int, bytes]:
-    """Address and port of the far end, and the key that it has. Raises NothingToQualify."""
+    """Address and port of the far end, and the key that it has. Raises NothingToQualify.
+
+    Only a tunnel over UDP can be led over another link without breaking.
+    """
     qualify, target = declaration.pilot.qualify, far_end(declaration.pilot)
     if qualify is None or target is None:
         hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/qualify.md)"
@@ -95,27 +110,36 @@ def far_end_of(declaration: Declaration, *, over_vpn: bool) -> tuple[str, int, b
         inside = device.vpn_address if isinstance(device, ServerComputer) else None
         if inside is None:
             raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="leave `over=vpn` out")
+        if declaration.pilot.vpn.transport is not Transport.UDP:
+            why = "the VPN goes over TCP, and such a tunnel cannot be led over another link without breaking"
+            raise NothingToQualify(why, hint="leave `over=vpn` out")
         address = inside
     return str(address), qualify.port, qualify.key.reveal().encode().strip()
 
 
-def thresholds_of(bearer: Bearer) -> tuple[str, QualifyProfile]:
-    """What a link is held against, with the name that a person reads."""
-    declared = bearer.qualify
-    name = (declared.profile or bearer.kind.traits.thresholds).value
-    changes = declared.model_dump(exclude={"profile"}, exclude_none=True)
-    shown = f"{name}, with its own {', '.join(changes)}" if changes else name
-    return shown, profile(name).model_copy(update=changes)
+def source_in_vpn(declaration: Declaration, far: str, port: int) -> str:
+    """This computer's address in the VPN. UsageError: it has no tunnel of its own that is up."""
+    address = _address_towards(far, port)
+    if address not in declaration.pilot.vpn.network:
+        raise UsageError(
+            f"this computer has no tunnel of its own that is up: it would send to {far} from {address}",
+            hint="measure from a computer that is in the VPN and connected, or leave `over=vpn` out",
+        )
+    return str(address)
+
+
+def _address_towards(far: str, port: int) -> IPv4Address:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((far, port))  # no packet is sent by it
+            return IPv4Address(probe.getsockname()[0])
+        except OSError as error:
+            raise UsageError(f"this computer has no way to {far}: {error.strerror}") from error
 
 
 def source_of(declaration: Declaration, site: str, far: str, port: int) -> str:
     """This computer's address towards the far end. UsageError: it does not stand in a network of the site."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect((far, port))  # no packet is sent by it
-            address = IPv4Address(probe.getsockname()[0])
-        except OSError as error:
-            raise UsageError(f"this computer has no way to {far}: {error.strerror}") from error
+    address = _address_towards(far, port)
     place = declaration.sites[site]
     if address not in place.lan.network and address not in place.management.network:
         raise UsageError(
@@ -139,7 +163,12 @@ class LinkRun:
     over_vpn: bool = False
     emulated: EmulatedLink | None = None
     notify: Subscriber = lambda _event: None
+    facts: Mapping[str, str] = field(default_factory=dict)
+    """What the boxes of the link have said before it begins."""
+    clock: ClockState = field(default_factory=kernel_clock)
+    """Of this computer, when it begins."""
     stop: threading.Event = field(default_factory=threading.Event)
+    _router: str | None = None
     _before: FlowCounts | None = None
     _after: FlowCounts | None = None
     _remarks: list[str] = field(default_factory=list)
@@ -147,20 +176,21 @@ class LinkRun:
     @property
     def plan(self) -> QualifyPlan:
         """What is sent."""
-        return planned(self.bearer, self.selection, rehearsed=self.emulated is not None)
+        return planned(self.bearer, self.selection, rehearsed=self.emulated is not None, over_vpn=self.over_vpn)
 
     def measure(self, request: Request) -> tuple[MeasuredRun, Measurement]:
         """Send, count, keep; both files of the folder are written, whatever happens. Raises NetcfgError."""
         far, port, key = far_end_of(self.declaration, over_vpn=self.over_vpn)
         router = router_of(self.declaration, self.site)
-        with self._transport(far, port) as (transport, flow):
-            counted = CountedTransport(transport, self.stop)
+        with self._transport(far, port) as (transport, source, flow):
+            counted = CountedTransport(transport, self.stop, tunnel_headers=VPN_HEADERS if self.over_vpn else 0)
             guard = BudgetGuard(self._budget(), lambda: counted.now_ns() / 1e9, counted.headers)
             with (self.folder / SAMPLES_FILE).open("a", encoding="utf-8") as file:
+                peer = ReflectorPeer(key, self.clock.synchronised, self.clock.error_s)
                 measurement = Measurement(
-                    self.plan, ReflectorPeer(key), counted, guard, SampleWriter(file), self._progress(router.name)
+                    self.plan, peer, counted, guard, SampleWriter(file), self._progress(router.name)
                 )
-                begun = self._begun(flow, datetime.now(UTC))
+                begun = self._begun(source, far, port)
                 write_run(self.folder, begun)
                 try:
                     asyncio.run(self._led(router, request, measurement, flow))
@@ -173,15 +203,24 @@ class LinkRun:
         return run, measurement
 
     @contextmanager
-    def _transport(self, far: str, port: int) -> Iterator[tuple[DatagramTransport, MeasuredFlow]]:
+    def _transport(self, far: str, port: int) -> Iterator[tuple[DatagramTransport, str, MeasuredFlow]]:
+        """What sends, from which address, and what the router sees of it."""
+        vpn = self.declaration.pilot.vpn
+        endpoint = str(vpn.endpoint)
+        opened: AbstractContextManager[UdpTransport]
         if self.emulated is not None:
-            with self.emulated.transport() as transport:
-                source = str(self.declaration.sites[self.site].management.technician)
-                yield transport, MeasuredFlow(source, transport.source[1], far, port)
-            return
-        source = source_of(self.declaration, self.site, far, port)
-        with UdpTransport((far, port), source=source) as transport:
-            yield transport, MeasuredFlow(source, transport.source[1], far, port)
+            near = source = str(self.declaration.sites[self.site].management.technician)
+            opened = self.emulated.transport()
+        elif self.over_vpn:
+            near = source_of(self.declaration, self.site, endpoint, vpn.port)
+            source = source_in_vpn(self.declaration, far, port)
+            opened = UdpTransport((far, port), source=source)
+        else:
+            near = source = source_of(self.declaration, self.site, far, port)
+            opened = UdpTransport((far, port), source=source)
+        with opened as transport:
+            tunnel = MeasuredFlow(near, None, endpoint, vpn.port)
+            yield transport, source, tunnel if self.over_vpn else MeasuredFlow(near, transport.source[1], far, port)
 
     def _budget(self) -> Budget:
         limits, tariff = self.limits, link_of(self.declaration, self.site, self.bearer.name).tariff
@@ -194,10 +233,7 @@ class LinkRun:
         job = device_job(self.declaration, router, request, NoJournal(), self.notify)
         async with await Session.open(job.endpoint) as session:
             self._before = await counters(session)
-            if self.over_vpn:
-                await self._carries_vpn(session, router)
-                await self._send(session, measurement)
-                return
+            self._router = await router_words(session)
             ports = [port for port, link in ports_of(router).items() if link in self._links(router).values()]
             added = rows(flow, self.bearer.name, ports, *await first_rows(session))
             async with temporarily(session, added):
@@ -205,16 +241,6 @@ class LinkRun:
                 if self.emulated is not None:
                     self._remarks += self.emulated.tell(router.name, flow)
                 self._after = await counters(session)
-
-    async def _carries_vpn(self, session: Session, router: Host) -> None:
-        """The VPN follows the best link. Raises NothingToQualify where that is another one than is to be measured."""
-        read = Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",))
-        active = active_bearer((await session.command(read)).checked().rows, ways_of(self.declaration, router))
-        if active != self.bearer.name:
-            raise NothingToQualify(
-                f"the VPN goes over {active or 'another link'} now, not over {self.bearer.name}",
-                hint="measure the link that carries it, or leave `over=vpn` out",
-            )
 
     async def _send(self, session: Session, measurement: Measurement) -> None:
         """Send in a thread; where the router's session is lost, the rows are, too, and nothing more is sent."""
@@ -236,7 +262,7 @@ class LinkRun:
     def _progress(self, router: str) -> Callable[[str, int, int], None]:
         return lambda message, done, total: self.notify(Event(router, Stage.VERIFYING, message, done, total))
 
-    def _begun(self, flow: MeasuredFlow, now: datetime) -> MeasuredRun:
+    def _begun(self, source: str, far: str, port: int) -> MeasuredRun:
         name, thresholds = thresholds_of(self.bearer)
         qualify = self.declaration.pilot.qualify
         assert qualify is not None  # noqa: S101 - `far_end_of` has looked
@@ -251,16 +277,17 @@ class LinkRun:
             selection=self.selection,
             far_end=FarEnd(
                 name=qualify.reflector,
-                address=flow.far,
-                port=flow.far_port,
+                address=far,
+                port=port,
                 over_vpn=self.over_vpn,
                 authenticated=True,
-                source=flow.source,
+                source=source,
             ),
-            begun=now,
+            begun=datetime.now(UTC),
             ended=None,
             reason=CUT_OFF,
-            clock_synchronised=False,
+            clock_synchronised=self.clock.synchronised,
+            facts=dict(self.facts),
             budget=self.limits,
             currency=None if billing is None else billing.currency,
             tariff=link_of(self.declaration, self.site, self.bearer.name).tariff,
@@ -272,7 +299,7 @@ class LinkRun:
     def _ended(self, begun: MeasuredRun, measurement: Measurement, router: Host) -> MeasuredRun:
         sent, mtu = measurement.transport, measurement.mtu
         counts = () if self._before is None else link_counts(self._links(router), self._before, self._after)
-        way, why = (Verdict.INCONCLUSIVE, IN_TUNNEL) if self.over_vpn else self._judged(counts, measurement)
+        way, why = self._judged(counts, measurement)
         spent = measurement.guard.spent()
         return begun.model_copy(
             update={
@@ -280,24 +307,31 @@ class LinkRun:
                 "reason": str(measurement.reason),
                 "sent_bytes": sent.sent_bytes,
                 "received_bytes": sent.received_bytes,
+                "charged_bytes": measurement.guard.charged_bytes,
                 "price": spent.price if begun.currency is not None else None,
                 "counts": counts,
+                "facts": {**begun.facts, **({} if self._router is None else {"router": self._router})},
                 "way": way,
                 "way_reason": why,
                 "path_mtu_up": mtu.up,
                 "path_mtu_both": mtu.both,
                 "path_mtu_reason": mtu.why,
-                "remarks": (*self._remarks, *self._left_out()),
+                "remarks": (*self._remarks, *self._notes()),
             }
         )
 
     def _judged(self, counts: tuple[LinkCount, ...], measurement: Measurement) -> tuple[Verdict, str]:
         sent = measurement.transport
+        if self.over_vpn:
+            up = TunnelTraffic(sent.sent_packets, sent.sent_bytes)
+            return judge_tunnel(self.bearer.name, counts, up, TunnelTraffic(sent.received_packets, sent.received_bytes))
         return judge_way(self.bearer.name, counts, sent.sent_packets, sent.received_packets, measurement.lost)
 
-    def _left_out(self) -> Iterator[str]:
+    def _notes(self) -> Iterator[str]:
         if number := self.plan.left_out:
             yield f"{number} sizes and rates were not tried: the link cannot carry them by its declared rate"
+        if self.over_vpn:
+            yield TUNNEL_MTU
 
 
 @contextmanager

@@ -4,6 +4,8 @@ The site's traffic is not moved: a routing rule for this computer's address and 
 table that do nothing but count (`action=passthrough`) for exactly this flow, on each link and in each direction. They
 are on the router under safe mode for as long as the measurement lasts, bear `MARK`, and are seen to be gone after it.
 Mangle, not the filter: there they stand before whatever accepts or drops, and a filter of ours has no fasttrack.
+
+Through the VPN the flow is this computer's own tunnel, in which the test packets are: it alone is led and counted.
 """
 
 from __future__ import annotations
@@ -18,22 +20,24 @@ from atlantis_netcfg.qualify.measured_run import LinkCount
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.routeros.api import Reply, Session
 
 _MANGLE = "/ip/firewall/mangle"
 _RULE = "/routing/rule"
+_NOT_READ = "the router has not told what it counted"
 FEW = 2
 """Packets by which two counts may differ though nothing is known to be lost: questions for counters, a copy."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredFlow:
-    """The test packets of a run, as the router sees them before it translates addresses."""
+    """The test packets of a run, or the tunnel that they are in, as the router sees them before it translates."""
 
     source: str
-    source_port: int
+    source_port: int | None
+    """None: any; which one a tunnel has, OpenVPN does not say."""
     far: str
     far_port: int
 
@@ -57,23 +61,17 @@ def rows(flow: MeasuredFlow, link: str, ports: Sequence[str], rules: Reply, mang
 
 def _counting(flow: MeasuredFlow, ports: Sequence[str], first: tuple[tuple[str, str], ...]) -> Iterator[Command]:
     words = (("action", "passthrough"), ("chain", "forward"), ("comment", MARK), ("protocol", "udp"))
+    near, far = _end(flow.source, flow.source_port), _end(flow.far, flow.far_port)
     for port in ports:
-        up = (
-            ("out-interface", port),
-            ("src-address", flow.source),
-            ("src-port", str(flow.source_port)),
-            ("dst-address", flow.far),
-            ("dst-port", str(flow.far_port)),
-        )
-        down = (
-            ("in-interface", port),
-            ("src-address", flow.far),
-            ("src-port", str(flow.far_port)),
-            ("dst-address", flow.source),
-            ("dst-port", str(flow.source_port)),
-        )
+        up = (("out-interface", port), *near("src"), *far("dst"))
+        down = (("in-interface", port), *far("src"), *near("dst"))
         for way in (up, down):
             yield Command(f"{_MANGLE}/add", (*words, *way, *first))
+
+
+def _end(address: str, port: int | None) -> Callable[[str], tuple[tuple[str, str], ...]]:
+    number = () if port is None else (("port", str(port)),)
+    return lambda side: tuple((f"{side}-{name}", value) for name, value in (("address", address), *number))
 
 
 def _first(reply: Reply) -> tuple[tuple[str, str], ...]:
@@ -112,6 +110,13 @@ async def counters(session: Session) -> FlowCounts:
     return FlowCounts(up, down, read)
 
 
+async def router_words(session: Session) -> str | None:
+    """What the router says that it is; None: it says nothing."""
+    read = Command("/system/resource/print", ((".proplist", "version,board-name"),))
+    row = next(iter((await session.command(read)).checked().rows), {})
+    return f"{row.get('board-name', 'a router')}, RouterOS {row['version']}" if "version" in row else None
+
+
 def link_counts(links: Mapping[str, str], before: FlowCounts, after: FlowCounts | None) -> tuple[LinkCount, ...]:
     """What was counted on each link of the site; `links`: port to link. `after` None: the router was not read again."""
     return tuple(_count(link, port, before, after) for port, link in links.items())
@@ -140,6 +145,12 @@ def _risen(before: FlowCounts, after: FlowCounts, port: str) -> tuple[int | None
     return (rx, tx) if rx >= 0 and tx >= 0 else (None, None)
 
 
+def _not_read(counts: Sequence[LinkCount]) -> str | None:
+    """A link that was not counted may have carried some."""
+    unread = [count.link for count in counts if count.test_packets_up is None or count.test_packets_down is None]
+    return f"{_NOT_READ} on {', '.join(unread)}" if unread else None
+
+
 def judge_way(link: str, counts: Sequence[LinkCount], sent: int, received: int, lost: int) -> tuple[Verdict, str]:
     """Say whether the test packets left by the link that was meant, and by no other.
 
@@ -147,11 +158,13 @@ def judge_way(link: str, counts: Sequence[LinkCount], sent: int, received: int, 
     """
     meant = next((count for count in counts if count.link == link), None)
     if meant is None or meant.test_packets_up is None or meant.test_packets_down is None:
-        return Verdict.INCONCLUSIVE, "the router has not told what it counted"
+        return Verdict.INCONCLUSIVE, _NOT_READ
     for other in counts:
         strayed = (other.test_packets_up or 0) + (other.test_packets_down or 0)
         if other.link != link and strayed:
             return Verdict.FAIL, f"{strayed} test packets went over {other.link}"
+    if (silent := _not_read(counts)) is not None:
+        return Verdict.INCONCLUSIVE, silent
     up, down = meant.test_packets_up, meant.test_packets_down
     counted = f"the router counted {up} packets up and {down} down over {link}"
     if not up and received:
@@ -160,3 +173,44 @@ def judge_way(link: str, counts: Sequence[LinkCount], sent: int, received: int, 
     if not sent or not fits:
         return Verdict.INCONCLUSIVE, f"{sent} packets were sent and {received} came, and {counted}"
     return Verdict.PASS, f"{counted}, and none over another link"
+
+
+def judge_tunnel(
+    link: str, counts: Sequence[LinkCount], sent: TunnelTraffic, received: TunnelTraffic
+) -> tuple[Verdict, str]:
+    """Say whether the tunnel of this computer, and so what was in it, left by the link that was meant alone.
+
+    The tunnel has packets of its own and of others besides, so at least as much must have been counted as was sent and
+    has come. When it is led to the link, the server may send a few last packets by the way of before.
+    """
+    meant = next((count for count in counts if count.link == link), None)
+    if meant is None or meant.test_packets_up is None or meant.test_packets_down is None:
+        return Verdict.INCONCLUSIVE, _NOT_READ
+    for other in counts:
+        up, down = other.test_packets_up or 0, other.test_packets_down or 0
+        if other.link != link and (up or (down > FEW and received.packets)):
+            return Verdict.FAIL, f"{up + down} packets of the tunnel went over {other.link}"
+    if (silent := _not_read(counts)) is not None:
+        return Verdict.INCONCLUSIVE, silent
+    up, down = meant.test_packets_up, meant.test_packets_down
+    counted = f"the router counted {up} packets of the tunnel up and {down} down over {link}"
+    if not up and received.packets:
+        return Verdict.FAIL, f"no packet of the tunnel went over {link}, and {received.packets} answers came otherwise"
+    whole = sent.fits(up, meant.test_bytes_up) and received.fits(down, meant.test_bytes_down)
+    if not sent.packets or not whole:
+        return Verdict.INCONCLUSIVE, f"{sent.packets} packets were sent and {received.packets} came, and {counted}"
+    ours = f"{sent.packets} and {received.packets} of this run among them"
+    return Verdict.PASS, f"{counted}, {ours}, and none over another link"
+
+
+@dataclass(frozen=True, slots=True)
+class TunnelTraffic:
+    """What this computer has put into its tunnel, or has had of it; octets as they are on the wire."""
+
+    packets: int
+    octets: int
+
+    def fits(self, packets: int, octets: int | None) -> bool:
+        """Whether as much was counted, but for a few packets."""
+        least = self.octets - FEW * self.octets // max(1, self.packets)
+        return packets >= self.packets - FEW and octets is not None and octets >= least

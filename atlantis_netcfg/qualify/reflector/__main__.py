@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from .answering import Reflector
+from .clock import ClockState, kernel_clock
 from .stamp import MIN_KEY_SIZE, PORT
 
 _SO_TIMESTAMPNS = 35
@@ -142,8 +143,8 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--address", default="0.0.0.0", help="where it listens")  # noqa: S104 - authenticated by default
     parser.add_argument("--port", type=int, default=PORT)
     parser.add_argument("--rate-mbps", type=float, default=50.0, help="what one source is sent at most")
-    parser.add_argument("--synchronised", action="store_true", help="an external source disciplines this clock")
-    parser.add_argument("--clock-error-s", type=float, default=1.0, help="the error of this clock")
+    parser.add_argument("--synchronised", action="store_true", help="this clock is, whatever the kernel says of it")
+    parser.add_argument("--clock-error-s", type=float, default=1.0, help="the error of this clock, then")
     who = parser.add_mutually_exclusive_group(required=True)
     who.add_argument("--key-file", type=Path, help="only who has this key is answered; `-`: standard input")
     who.add_argument("--unauthenticated", action="store_true", help="answer anybody: for testers of others")
@@ -154,8 +155,7 @@ def main(words: list[str] | None = None) -> int:
     reflector = Reflector(
         key,
         rate_bps=arguments.rate_mbps * 1e6,
-        synchronised=arguments.synchronised,
-        error_s=arguments.clock_error_s,
+        clock=(lambda: ClockState(True, arguments.clock_error_s)) if arguments.synchronised else kernel_clock,
     )
     with open_socket(arguments.address, arguments.port) as opened:
         asyncio.run(_until_ended(opened, reflector))

@@ -20,6 +20,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Callable, Tuple
 
+from .clock import UNKNOWN, ClockState
 from .stamp import (
     CHUNK,
     COUNTERS,
@@ -145,8 +146,8 @@ class _Sending:
 class Reflector:
     """Answers datagrams; whoever holds the socket asks it for each.
 
-    `rate_bps` bounds what one source address is sent. `error_s` is the error of this computer's clock, and
-    `synchronised` whether an external source disciplines it: what is not known is not said to be so.
+    `rate_bps` bounds what one source address is sent. `clock` is asked for each answer how this computer's clock is:
+    what is not known is not said to be synchronised.
     """
 
     def __init__(
@@ -154,14 +155,13 @@ class Reflector:
         key: bytes | None,
         *,
         rate_bps: float = 50e6,
-        synchronised: bool = False,
-        error_s: float = 1.0,
+        clock: Callable[[], ClockState] = lambda: UNKNOWN,
     ) -> None:
         self.statistics = Statistics()
         self._key = key
         self._rate = rate_bps / 8
         self._burst = max(self._rate * _BURST_S, _LEAST_BURST)
-        self._error = error_estimate(error_s, synchronised=synchronised)
+        self._clock = clock
         self._sessions: OrderedDict[object, _TestSession] = OrderedDict()
         self._ended: dict[int, int] = {}
         """For each identifier of an authenticated session that is forgotten: its sender's newest timestamp."""
@@ -333,11 +333,11 @@ class Reflector:
         return chunk.acknowledge
 
     def _reply(self, session: _TestSession, received: _ReceivedPacket, tlvs: Tlvs, now: int) -> ReflectorPacket:
-        packet = received.packet
+        packet, clock = received.packet, self._clock()
         return ReflectorPacket(
             sequence=session.sequence,
             timestamp=ntp(now),
-            error=self._error,
+            error=error_estimate(clock.error_s, synchronised=clock.synchronised),
             session_id=packet.session_id,
             received=ntp(received.at_ns),
             sender_sequence=packet.sequence,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 import preforked
@@ -51,11 +53,48 @@ def test_a_link_that_does_not_carry_the_traffic_is_measured_and_the_router_count
         assert train_figures(read(lines), "idle").loss.received == 600
 
 
+@pytest.mark.slow
+def test_a_limit_in_eur_is_kept(tmp_path: Path) -> None:
+    typed = ("site=coastal", "link=satellite", "--max-eur", "1", "--rehearse", "--json")
+    told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
+    run = told["links"][0]["run"]
+    assert (run["reason"], run["currency"], run["budget"]["max_price"]) == ("money", "EUR", "1")
+    packet = Decimal(8) * (1500 + 28) / 1_000_000
+    assert Decimal("0.6") < Decimal(run["price"]) <= 1 + packet
+
+
+@pytest.mark.slow
+def test_through_the_vpn_the_way_is_proved_and_what_the_boxes_say_is_kept(tmp_path: Path) -> None:
+    typed = ("site=coastal", "link=4g", "over=vpn", "--max-mb", "0.1", "--rehearse", "--json")
+    told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
+    (link,) = told["links"]
+    run = link["run"]
+    assert (run["reason"], run["way"], run["far_end"]["over_vpn"]) == ("bytes", "PASS", True), run["way_reason"]
+    counts = {each["link"]: each for each in run["counts"]}
+    assert counts["4g"]["test_bytes_up"] == run["sent_bytes"]
+    assert counts["wifi-ptp"]["test_packets_up"] == 0, "it carries the traffic of the site"
+    assert any("no tunnel is made" in each for each in told["not_rehearsed"])
+    assert re.fullmatch(r"RB5009UPr\+S\+, RouterOS 7\.\d+.*", run["facts"]["router"])
+    assert run["facts"]["4G registration"] == "registered home"
+    assert run["facts"]["RSRP"].endswith(" dBm")
+    assert {"4G technology", "4G operator", "4G cell", "RSRQ", "SINR"} <= run["facts"].keys()
+
+
+@pytest.mark.slow
+def test_each_link_that_was_asked_for_has_a_result_though_the_limit_was_used_up(tmp_path: Path) -> None:
+    typed = ("site=coastal", "link=all", "--max-mb", "0.1", "--rehearse", "--json")
+    told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
+    assert [(each["run"]["link"], each["run"]["reason"]) for each in told["links"]] == [("wifi-ptp", "bytes")]
+    assert [each["link"] for each in told["not_measured"]] == ["4g", "satellite"]
+    assert (tmp_path / "rehearsal" / "coastal" / "qualify" / told["links"][0]["run"]["id"] / "page.html").is_file()
+
+
 @pytest.mark.parametrize(
     ("typed", "code", "words"),
     [
         (("site=coastal", "--rehearse"), 7, "`coastal` has several links"),
         (("site=coastal", "link=5g", "--rehearse"), 7, "type one of: link=wifi-ptp, link=4g, link=satellite, link=all"),
+        (("site=coastal", "link=all", "--max-eur", "1", "--rehearse"), 3, "declare `billing` of bearer `4g`"),
         (("site=coastal", "link=4g", "--max-mb", "nothing"), 3, "that is no number above 0"),
         (("site=coastal", "link=4g"), 3, "still holds example values"),
         (("site=coastal", "link=4g", "profile=videos"), 3, "telemetry, images, throughput, all"),

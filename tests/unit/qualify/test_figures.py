@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import count, pairwise
 
 import pytest
 from simulated_network import KEY, SECOND, SimulatedNetwork, network, run_train
@@ -10,6 +10,7 @@ from tolerances import tolerances
 
 from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.qualify.figures import NoTrain, Percentiles, TrainFigures, percentile, percentiles, train_figures
+from atlantis_netcfg.qualify.reflector.clock import UNKNOWN, ClockState
 from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28, jitter_s=0.02)
@@ -66,7 +67,7 @@ def test_variation_each_way_without_a_common_clock() -> None:
 
 def test_the_delay_itself_needs_two_synchronised_clocks() -> None:
     net = network(UP, DOWN)
-    net.reflector = type(net.reflector)(KEY, synchronised=True, error_s=0.001)
+    net.reflector = type(net.reflector)(KEY, clock=lambda: ClockState(synchronised=True, error_s=0.001))
     figures = _measured(net, peer=ReflectorPeer(KEY, synchronised=True))
     assert figures.up is not None
     assert figures.up.delay is not None
@@ -75,6 +76,14 @@ def test_the_delay_itself_needs_two_synchronised_clocks() -> None:
     alone = _measured(network(UP, DOWN), peer=ReflectorPeer(KEY, synchronised=True))
     assert alone.up is not None
     assert alone.up.delay is None, "only ours is"
+
+
+def test_a_far_end_whose_clock_is_synchronised_in_the_midst_of_a_train_tells_no_delay() -> None:
+    net, asked = network(UP, DOWN), count()
+    net.reflector = type(net.reflector)(KEY, clock=lambda: UNKNOWN if next(asked) < 9 else ClockState(True, 0.1))
+    figures = _measured(net, peer=ReflectorPeer(KEY, synchronised=True))
+    assert figures.down is not None
+    assert figures.down.delay is None
 
 
 @pytest.mark.parametrize("seed", range(4))

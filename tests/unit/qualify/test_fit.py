@@ -204,6 +204,14 @@ def test_reliable_topics_that_fit_nowhere_else_are_thinned_too(shipped: Declarat
     assert link.down_bps > link.other_down_bps
 
 
+def test_what_a_link_carried_through_the_vpn_counts_with_its_octets(shipped: Declaration, tmp_path: Path) -> None:
+    kept(tmp_path / "beside", text=both_ways())
+    kept(tmp_path / "vpn", text=both_ways(), far_end=measured_run().far_end.model_copy(update={"over_vpn": True}))
+    beside, through = (satellite(shipped, tmp_path / name, POSE).capacity for name in ("beside", "vpn"))
+    # 52 octets more around each chunk of 1000 and around each answer.
+    assert 1.04 < through.down_bps / beside.down_bps < 1.07
+
+
 def test_guidelines_are_warnings(shipped: Declaration, tmp_path: Path) -> None:
     kept(tmp_path, text=both_ways())
     link = satellite(shipped, tmp_path, {**POSE, "rate_hz": 5.0})

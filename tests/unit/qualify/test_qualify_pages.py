@@ -26,6 +26,7 @@ from atlantis_netcfg.qualify_pages import write_pages
 from atlantis_netcfg.qualify_pages.pages import html, pdf, rows
 from atlantis_netcfg.qualify_pages.plots import WIDTH, plots
 from atlantis_netcfg.qualify_pages.sections import EMULATED, seconds, sections
+from atlantis_netcfg.qualify_pages.several import comparison_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -252,6 +253,19 @@ def test_two_runs_are_compared() -> None:
         "one of them was measured over an emulated link: it says nothing of a real one",
     )
     assert compared(first, first).remarks == ()
+    facts = {item.title: (item.first, item.second) for item in found.facts}
+    assert facts["signal"] == ("5 bars", "5 bars")
+    assert facts["this computer's clock"] == ("not known to be synchronised", "not known to be synchronised")
+
+
+def test_what_the_boxes_said_stands_beside_each_other() -> None:
+    first, _ = drawn(idle_text(), measured_run(facts={"RSRP": "-90 dBm", "router": "example, RouterOS 7.18.2"}))
+    second, _ = drawn(idle_text(), measured_run(facts={"RSRP": "-101 dBm"}, clock_synchronised=True))
+    lines = "\n".join(printable.plain(row) for row in comparison_rows(first, second, compared(first, second)))
+    assert "RSRP: A: -90 dBm; B: -101 dBm" in lines
+    assert "router: A: example, RouterOS 7.18.2; B: not known" in lines
+    assert "this computer's clock: A: not known to be synchronised; B: synchronised" in lines
+    assert "tool: 0.0.0\n" in lines
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,20 +15,26 @@ from tolerances import tolerances
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Bearer, LinkThresholds
+from atlantis_netcfg.declaration.model import Bearer, LinkThresholds, Transport
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement, lost_packets
-from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned
+from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned, thresholds_of
 from atlantis_netcfg.operations.qualify.result import QualifyResult
-from atlantis_netcfg.operations.qualify.run import far_end_of, links_of_site, source_of, thresholds_of
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.operations.qualify.run import (
+    far_end_of,
+    links_of_site,
+    source_in_vpn,
+    source_of,
+)
+from atlantis_netcfg.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
+from atlantis_netcfg.qualify.grids import train_bytes
 from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.qualify.record import make_record
-from atlantis_netcfg.qualify.samples import StreamEnded
+from atlantis_netcfg.qualify.samples import StreamEnded, TrainBegan
 from atlantis_netcfg.qualify.search import RateLimit
-from atlantis_netcfg.qualify.session import ReflectorPeer
+from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan
 from atlantis_netcfg.qualify.transfers import message_figures
 
 if TYPE_CHECKING:
@@ -49,6 +56,8 @@ def measurement(
 
 def described(measured: Measurement, selection: Selection, **changes: object) -> QualifyResult:
     name, thresholds = thresholds_of(BEARERS["satellite"])
+    # A rehearsed train is too short to show a gap of 90 s.
+    thresholds = thresholds.model_copy(update={"gap_s": 5.0})
     run = MeasuredRun(
         id="satellite-1",
         tool="1",
@@ -154,10 +163,13 @@ def test_nothing_but_a_whole_run_by_the_right_way_is_done(changes: dict[str, obj
 def test_a_link_that_answers_nothing_is_never_green() -> None:
     dead = network(LinkShape(loss=1.0), LinkShape())
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY, net=dead)
-    measured.measure()
+    assert measured.measure() == "no answer"
+    for cell in measured.plan.cells[:2]:
+        measured._cell(cell)
+    measured._search(200)
     found = described(measured, Selection.TELEMETRY)
     assert {each.verdict for each in found.record.judgements} <= {Verdict.FAIL, Verdict.INCONCLUSIVE}
-    assert {row.verdict for row in found.record.telemetry} == {Verdict.INCONCLUSIVE}
+    assert [row.verdict for row in found.record.telemetry] == 2 * [Verdict.INCONCLUSIVE]
     assert found.exit is ExitCode.CHECKS_FAILED
     assert measured.lost >= 600
     assert [(rate.rate_hz, rate.limited_by) for rate in measured.rates] == [(None, RateLimit.SILENCE)]
@@ -217,6 +229,42 @@ def test_the_far_end_is_the_public_address_or_that_in_the_vpn() -> None:
     key = b"EXAMPLE-key-of-the-far-end"
     assert far_end_of(DECLARED, over_vpn=False) == ("203.0.113.2", 862, key)
     assert far_end_of(DECLARED, over_vpn=True) == ("10.80.0.2", 862, key)
+
+
+def test_a_tunnel_over_tcp_is_not_led() -> None:
+    vpn = DECLARED.pilot.vpn.model_copy(update={"transport": Transport.TCP})
+    over_tcp = replace(DECLARED, pilot=DECLARED.pilot.model_copy(update={"vpn": vpn}))
+    with pytest.raises(NothingMatched, match="without breaking"):
+        far_end_of(over_tcp, over_vpn=True)
+
+
+def test_a_computer_without_a_tunnel_measures_nothing_in_the_vpn() -> None:
+    with pytest.raises(UsageError, match=r"no tunnel of its own that is up: it would send to 127\.0\.0\.1 from 127"):
+        source_in_vpn(DECLARED, "127.0.0.1", 862)
+
+
+@pytest.mark.parametrize("selection", [Selection.TELEMETRY, Selection.THROUGHPUT])
+def test_through_the_vpn_its_octets_are_charged_and_within_what_was_said_before(selection: Selection) -> None:
+    bearer = BEARERS["satellite"]
+    net = network(*link_shapes(bearer))
+    plan = planned(bearer, selection, rehearsed=True, over_vpn=True)
+    counted = CountedTransport(net, tunnel_headers=VPN_HEADERS)
+    guard = BudgetGuard(Budget(), lambda: net.now / SECOND, counted.headers)
+    kept: list[Sample] = []
+    measured = Measurement(plan, ReflectorPeer(KEY), counted, guard, kept.append)
+    assert measured.measure() == "done"
+    assert counted.sent_bytes == net.up.sent_bytes + net.up.sent * VPN_HEADERS == guard.sent_bytes
+    assert counted.received_bytes == guard.received_bytes
+    assert counted.sent_bytes + counted.received_bytes <= plan.bytes
+    assert measured.mtu.both == 1500 - VPN_HEADERS, "longer ones would be cut in two"
+    assert [each.stream for each in kept if isinstance(each, TrainBegan)][:2] == ["led", "idle"]
+    hour = [row.mb_per_hour for row in described(measured, selection).record.telemetry]
+    beside = [
+        train_bytes(TrainPlan(cell.plan.size, 1 / cell.rate_hz, 3600), 80)
+        for cell in plan.cells
+        if isinstance(cell.plan, TrainPlan)
+    ]
+    assert hour == [pytest.approx(octets / 1e6) for octets in beside]
 
 
 def test_a_computer_that_stands_elsewhere_is_refused_in_words() -> None:

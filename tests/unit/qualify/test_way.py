@@ -11,7 +11,16 @@ import pytest
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.operations.allow_list_test.prove import MARK
-from atlantis_netcfg.operations.qualify.way import FlowCounts, MeasuredFlow, counters, judge_way, link_counts, rows
+from atlantis_netcfg.operations.qualify.way import (
+    FlowCounts,
+    MeasuredFlow,
+    TunnelTraffic,
+    counters,
+    judge_tunnel,
+    judge_way,
+    link_counts,
+    rows,
+)
 from atlantis_netcfg.qualify.measured_run import LinkCount
 from atlantis_netcfg.routeros.api import Command, Reply
 
@@ -69,6 +78,19 @@ def test_the_flow_alone_is_led_over_the_link_and_counted_on_each_port_both_ways(
     assert [(row["src-address"], row["src-port"], row["dst-address"], row["dst-port"]) for row in told[:2]] == [
         ("10.64.101.10", "40000", "203.0.113.2", "862"),
         ("203.0.113.2", "862", "10.64.101.10", "40000"),
+    ]
+
+
+def test_a_tunnel_is_led_and_counted_whatever_its_own_port_is() -> None:
+    tunnel = MeasuredFlow("10.64.101.10", None, "203.0.113.2", 1194)
+    rule, up, down = rows(tunnel, "4g", ["ether2"], Reply(), Reply())
+    assert dict(rule.arguments)["dst-address"] == "203.0.113.2/32"
+    told = [
+        {name: value for name, value in row.arguments if name.endswith(("-port", "-address"))} for row in (up, down)
+    ]
+    assert told == [
+        {"src-address": "10.64.101.10", "dst-address": "203.0.113.2", "dst-port": "1194"},
+        {"src-address": "203.0.113.2", "src-port": "1194", "dst-address": "10.64.101.10"},
     ]
 
 
@@ -138,3 +160,45 @@ def test_the_way_is_proved_by_the_routers_counts_alone(  # noqa: PLR0913, PLR091
     verdict: Verdict,
 ) -> None:
     assert judged(wifi, mobile, sent, received, lost)[0] is verdict
+
+
+@pytest.mark.parametrize(
+    ("mobile", "wifi", "sent", "received", "verdict"),
+    [
+        ((100, 100), (0, 0), 100, 100, Verdict.PASS),
+        ((140, 130), (0, 0), 100, 100, Verdict.PASS),
+        ((100, 100), (0, 2), 100, 100, Verdict.PASS),
+        ((100, 0), (0, 9), 100, 0, Verdict.PASS),
+        ((100, 100), (1, 0), 100, 100, Verdict.FAIL),
+        ((100, 100), (0, 3), 100, 100, Verdict.FAIL),
+        ((0, 0), (0, 0), 100, 100, Verdict.FAIL),
+        ((90, 90), (0, 0), 100, 90, Verdict.INCONCLUSIVE),
+        ((100, 90), (0, 0), 100, 100, Verdict.INCONCLUSIVE),
+        ((50, 50), (0, 0), 0, 0, Verdict.INCONCLUSIVE),
+        ((None, None), (0, 0), 100, 100, Verdict.INCONCLUSIVE),
+    ],
+)
+def test_a_tunnel_proves_the_way_where_all_of_it_went_there(
+    mobile: tuple[int | None, int | None], wifi: tuple[int, int], sent: int, received: int, verdict: Verdict
+) -> None:
+    counts = [tunnel_count("wifi", *wifi), tunnel_count("4g", *mobile)]
+    assert (
+        judge_tunnel("4g", counts, TunnelTraffic(sent, sent * 192), TunnelTraffic(received, received * 192))[0]
+        is verdict
+    )
+
+
+def tunnel_count(link: str, up: int | None, down: int | None, octets: int = 192) -> LinkCount:
+    return LinkCount(
+        link=link,
+        test_packets_up=up,
+        test_bytes_up=None if up is None else up * octets,
+        test_packets_down=down,
+        test_bytes_down=None if down is None else down * octets,
+    )
+
+
+def test_as_many_packets_that_are_shorter_are_not_those_of_the_run() -> None:
+    """The tunnel's own pings are packets of it as well."""
+    traffic = TunnelTraffic(100, 19_200)
+    assert judge_tunnel("4g", [tunnel_count("4g", 100, 100, 80)], traffic, traffic)[0] is Verdict.INCONCLUSIVE

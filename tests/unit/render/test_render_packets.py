@@ -160,6 +160,18 @@ def test_answers_come_back_and_strays_do_not(site: str) -> None:
         assert WALKS[site].verdict(chain, stray) == ("drop", "atlantis: invalid")
 
 
+@pytest.mark.parametrize("site", WITH_SATELLITE)
+def test_the_tunnel_of_a_computer_passes_by_every_link(site: str) -> None:
+    """`provision qualify over=vpn` leads it; through the site's own tunnel a technician reaches nothing."""
+    place, endpoint = DECLARED.sites[site], str(DECLARED.pilot.vpn.endpoint)
+    for name, inside in ((str(place.management.technician), "ether8"), (str(place.lan.network[77]), "bridge-lan")):
+        for bearer in place.bearers:
+            out = link(site, bearer.name)
+            assert WALKS[site].accepts("forward", Packet(name, endpoint, inside, out, "udp", DECLARED.pilot.vpn.port))
+    inner = Packet(str(place.management.technician), "10.80.0.2", "ether8", "ovpn-scc", "udp", 862)
+    assert not WALKS[site].accepts("forward", inner)
+
+
 @pytest.mark.parametrize("site", SITES)
 def test_technician_reaches_the_robots(site: str) -> None:
     technician = str(DECLARED.sites[site].management.technician)

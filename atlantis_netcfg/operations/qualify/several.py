@@ -1,0 +1,107 @@
+"""Several links of a site, one after the other, within limits that hold for all of them together.
+
+A link that is down, or whose router has not answered, keeps no other from being measured. A stop by a person ends all,
+and so does a limit that is used up, or a router that does not say that the rows of the measurement are gone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers.cost import bill
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, worst
+from atlantis_netcfg.qualify.budget import BudgetLimit
+from atlantis_netcfg.qualify.measured_run import BudgetLimits
+from atlantis_netcfg.qualify.session import EndReason
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.operations.qualify.result import QualifyResult
+
+
+@dataclass(frozen=True, slots=True)
+class NotMeasured:
+    """A link that was asked for, and that nothing was sent over."""
+
+    link: str
+    why: str
+
+    def line(self) -> str:
+        """What a person reads."""
+        return f"{self.link}: not measured: {self.why}"
+
+    def as_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {"link": self.link, "why": self.why}
+
+
+@dataclass(frozen=True, slots=True)
+class SeveralResults:
+    """Each link that was asked for is in one of both."""
+
+    results: tuple[QualifyResult, ...]
+    not_measured: tuple[NotMeasured, ...] = ()
+
+    @property
+    def exit(self) -> ExitCode:
+        """The worst of all; a link over which nothing was sent is green for no other one."""
+        codes = [each.exit for each in self.results]
+        code = worst(codes)
+        return code.unproved if self.not_measured or ExitCode.NOTHING in codes else code
+
+
+def measure_each(
+    links: Sequence[Bearer], limits: BudgetLimits, measure: Callable[[Bearer, BudgetLimits], QualifyResult]
+) -> SeveralResults:
+    """Measure all. `measure` is given what is left of the limits; what it raises ends all."""
+    results: list[QualifyResult] = []
+    not_measured: list[NotMeasured] = []
+    over = ""
+    for bearer in links:
+        why = over or _unpaid(bearer, results, limits)
+        if why:
+            not_measured.append(NotMeasured(bearer.name, why))
+            continue
+        found = measure(bearer, limits)
+        results.append(found)
+        over = _ends_all(found, limits)
+        limits = left(limits, found)
+    return SeveralResults(tuple(results), tuple(not_measured))
+
+
+def _ends_all(found: QualifyResult, limits: BudgetLimits) -> str:
+    """Why no further link is measured; empty: it is."""
+    run = found.run
+    if found.failure is not None and not isinstance(found.failure, DeviceFailed):
+        return f"{run.link} was left in a state that nobody knows"
+    if run.reason == EndReason.STOPPED:
+        return "the measurement was stopped"
+    # A link may have a cap of its own, which is no limit of the next one.
+    if run.reason == BudgetLimit.BYTES and run.budget.max_bytes == limits.max_bytes:
+        return "the limit of bytes was used up before"
+    return "the limit of seconds was used up before" if run.reason == BudgetLimit.SECONDS else ""
+
+
+def _unpaid(bearer: Bearer, results: Sequence[QualifyResult], limits: BudgetLimits) -> str:
+    """A limit in money is one of the links that are paid by the byte, and no other's."""
+    spent = any(found.run.reason == BudgetLimit.MONEY for found in results)
+    return "the limit of money was used up before" if bearer.metered and spent and limits.max_price is not None else ""
+
+
+def left(limits: BudgetLimits, found: QualifyResult) -> BudgetLimits:
+    """What a measured link leaves of the limits; nothing left is the least that can be.
+
+    What was charged counts, with answers that have not come.
+    """
+    run = found.run
+    seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()
+    price = bill(run.charged_bytes, seconds, run.tariff if run.currency is not None else None).price or Decimal(0)
+    return BudgetLimits(
+        max_bytes=None if limits.max_bytes is None else max(0, limits.max_bytes - run.charged_bytes),
+        max_seconds=None if limits.max_seconds is None else max(0.0, limits.max_seconds - seconds),
+        max_price=None if limits.max_price is None else max(Decimal(0), limits.max_price - price),
+    )

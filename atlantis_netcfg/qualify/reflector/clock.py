@@ -1,0 +1,70 @@
+"""What the kernel says of this computer's clock: whether a program disciplines it, and how far it may be off.
+
+It is only read. Programs of NTP and PTP tell the kernel that they discipline the clock; one that does not (chrony
+without `rtcsync`) leaves it unknown, which is not said to be synchronised. systemd-timesyncd tells the kernel no
+distance to its server, so the error has a least value of ours.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import NamedTuple
+
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_UNSYNCHRONISED = 0x40
+"""STA_UNSYNC of adjtimex(2)."""
+_TIME_ERROR = 5
+LEAST_ERROR_S = 0.1
+UNKNOWN_ERROR_S = 1.0
+"""Where nothing disciplines the clock; no more than a number for it."""
+
+
+class ClockState(NamedTuple):
+    """As it stands in the error estimate of a test packet (RFC 4656, 4.1.2)."""
+
+    synchronised: bool
+    """To UTC, by an external source."""
+    error_s: float
+
+
+UNKNOWN = ClockState(False, UNKNOWN_ERROR_S)
+
+
+class _Timeval(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("fraction", ctypes.c_long))
+
+
+class Timex(ctypes.Structure):
+    """`struct timex`; with `modes` 0 nothing is changed."""
+
+    _fields_ = (
+        ("modes", ctypes.c_uint),
+        ("offset", ctypes.c_long),
+        ("freq", ctypes.c_long),
+        ("maxerror", ctypes.c_long),
+        ("esterror", ctypes.c_long),
+        ("status", ctypes.c_int),
+        ("constant", ctypes.c_long),
+        ("precision", ctypes.c_long),
+        ("tolerance", ctypes.c_long),
+        ("time", _Timeval),
+        ("tick", ctypes.c_long),
+        ("rest", ctypes.c_byte * 256),
+    )
+
+
+def state_of(returned: int, timex: Timex) -> ClockState:
+    """Judge what adjtimex(2) has told."""
+    if returned < 0 or returned == _TIME_ERROR or timex.status & _UNSYNCHRONISED:
+        return UNKNOWN
+    return ClockState(True, max(LEAST_ERROR_S, timex.maxerror / 1e6))
+
+
+def kernel_clock() -> ClockState:
+    """Ask the kernel; where it does not answer, nothing is known."""
+    timex = Timex()
+    try:
+        returned = _LIBC.adjtimex(ctypes.byref(timex))
+    except AttributeError:
+        return UNKNOWN
+    return state_of(returned, timex)
