@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd
     from atlantis_netcfg.operations.qualify.result import QualifyResult
     from atlantis_netcfg.operations.qualify.several import SeveralResults
     from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
@@ -50,6 +51,11 @@ QUALIFY = CommandSpec(
             choices=("telemetry", "images", "throughput", "all"),
         ),
         Word("over", "`vpn`: through this computer's own tunnel, which is led over the link", choices=("vpn",)),
+        Word(
+            "far",
+            "a reflector of others that answers STAMP (RFC 8762), in place of the declared far end; profile telemetry",
+            example="192.0.2.7",
+        ),
         INVENTORY,
     ),
     flags=(
@@ -79,7 +85,7 @@ def run_qualify(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.declaration import choose
-    from atlantis_netcfg.operations.qualify.run import far_end_of, links_of_site, router_of
+    from atlantis_netcfg.operations.qualify.run import links_of_site, router_of
 
     limits = _limits(arguments)
 
@@ -87,7 +93,8 @@ def run_qualify(arguments: Arguments) -> ExitCode:
         site = arguments.word("site")
         choose(declaration, site, ())
         links = links_of_site(declaration, site, arguments.optional("link"))
-        far_end_of(declaration, over_vpn=arguments.optional("over") is not None)
+        outside = () if _over_vpn(arguments) else links
+        _far_end(declaration, arguments).refuse(_selection(arguments), outside, declaration)
         router = router_of(declaration, site)
         return (router, *(unit for bearer in links if (unit := _unit(declaration, bearer)) is not None))
 
@@ -134,11 +141,25 @@ def _not_rehearsed(opened: CommandSession) -> tuple[str, ...]:
         return ()
     from atlantis_netcfg.operations.qualify.emulation import not_rehearsed
 
-    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(opened.rehearsal, over_vpn=_over_vpn(opened)))
+    over_vpn = _over_vpn(opened.arguments)
+    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(opened.rehearsal, over_vpn=over_vpn))
 
 
-def _over_vpn(opened: CommandSession) -> bool:
-    return opened.arguments.optional("over") is not None
+def _over_vpn(arguments: Arguments) -> bool:
+    return arguments.optional("over") is not None
+
+
+def _far_end(declaration: Declaration, arguments: Arguments) -> MeasuredFarEnd:
+    """Raises NothingToQualify, UsageError."""
+    from atlantis_netcfg.operations.qualify.far_end import far_end_of
+
+    return far_end_of(declaration, over_vpn=_over_vpn(arguments), other=arguments.optional("far"))
+
+
+def _selection(arguments: Arguments) -> Selection:
+    from atlantis_netcfg.qualify.measured_run import Selection
+
+    return Selection(arguments.optional("profile") or Selection.TELEMETRY)
 
 
 def _limits(arguments: Arguments) -> BudgetLimits:
@@ -180,11 +201,10 @@ def _measured(opened: CommandSession, limits: BudgetLimits) -> SeveralResults:
     from atlantis_netcfg.operations.qualify.run import links_of_site
     from atlantis_netcfg.operations.qualify.several import measure_each
     from atlantis_netcfg.operations.request import refuse_examples
-    from atlantis_netcfg.qualify.measured_run import Selection
 
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     links = links_of_site(opened.declaration, opened.site, opened.arguments.optional("link"))
-    selection = Selection(opened.arguments.optional("profile") or Selection.TELEMETRY)
+    selection = _selection(opened.arguments)
     _pay(opened, links, selection, limits)
     with ExitStack() as stack:
         notify = stack.enter_context(progress(quiet=opened.as_json))
@@ -208,7 +228,7 @@ def _link(
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.qualify.emulation import emulated_link
     from atlantis_netcfg.operations.qualify.result import QualifyResult
-    from atlantis_netcfg.operations.qualify.run import LinkRun, far_end_of
+    from atlantis_netcfg.operations.qualify.run import LinkRun
     from atlantis_netcfg.qualify.kept import folder_of
     from atlantis_netcfg.qualify.measured_run import RUN_FILE
     from atlantis_netcfg.qualify_pages import write_pages
@@ -218,11 +238,10 @@ def _link(
     with os_errors_as("the measurement", kept):
         folder = new_run(make_private(kept), now, f"{bearer.name}-{now:%Y%m%dT%H%M%SZ}")
     with ExitStack() as stack:
-        over_vpn = _over_vpn(opened)
-        emulated = None
+        over_vpn = _over_vpn(opened.arguments)
+        far, emulated = _far_end(opened.declaration, opened.arguments), None
         if opened.rehearsal is not None:
-            key = far_end_of(opened.declaration, over_vpn=False)[2]
-            emulated = stack.enter_context(emulated_link(bearer, key, opened.rehearsal, over_vpn=over_vpn))
+            emulated = stack.enter_context(emulated_link(bearer, far.key, opened.rehearsal, over_vpn=over_vpn))
         request = opened.request(Mode.DRIFT)
         run = LinkRun(
             opened.declaration,
@@ -231,6 +250,7 @@ def _link(
             selection,
             _capped(opened, bearer, limits),
             folder,
+            far,
             over_vpn=over_vpn,
             emulated=emulated,
             notify=notify,
@@ -280,7 +300,9 @@ def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limit
     from atlantis_netcfg.operations.qualify.plan import planned
 
     link = link_of(opened.declaration, opened.site, bearer.name)
-    plan = planned(bearer, selection, rehearsed=opened.rehearsed, over_vpn=_over_vpn(opened))
+    far = _far_end(opened.declaration, opened.arguments)
+    over_vpn = _over_vpn(opened.arguments)
+    plan = planned(bearer, selection, rehearsed=opened.rehearsed, over_vpn=over_vpn, confirms=far.is_ours)
     if limits.max_price is not None and link.metered and (link.tariff is None or link.tariff.currency != "EUR"):
         raise UsageError(
             f"`--max-eur`: the tariff of `{link.name}` is not declared in EUR", hint=f"declare {link.tariff_key}"

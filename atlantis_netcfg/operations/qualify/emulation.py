@@ -77,7 +77,9 @@ class EmulatedLink:
 
 
 @contextmanager
-def emulated_link(bearer: Bearer, key: bytes, twins: Rehearsal, *, over_vpn: bool = False) -> Iterator[EmulatedLink]:
+def emulated_link(
+    bearer: Bearer, key: bytes | None, twins: Rehearsal, *, over_vpn: bool = False
+) -> Iterator[EmulatedLink]:
     """Start the far end and the relay before it; both end with the context. The VPN is no more than its octets."""
     headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
     with (
@@ -89,10 +91,11 @@ def emulated_link(bearer: Bearer, key: bytes, twins: Rehearsal, *, over_vpn: boo
 
 
 @contextmanager
-def _reflector(folder: Path, key: bytes) -> Iterator[int]:
-    write_private(folder / "key", key)
+def _reflector(folder: Path, key: bytes | None) -> Iterator[int]:
+    write_private(folder / "key", key or b"")
     module = ["-P", "-m", "atlantis_netcfg.qualify.reflector"]
-    where = ["--address", "127.0.0.1", "--port", "0", "--key-file", str(folder / "key")]
+    who = ["--unauthenticated"] if key is None else ["--key-file", str(folder / "key")]
+    where = ["--address", "127.0.0.1", "--port", "0", *who]
     with subprocess.Popen(  # noqa: S603 - our own program
         [sys.executable, *module, *where], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as process:

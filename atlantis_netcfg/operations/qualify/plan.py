@@ -189,8 +189,10 @@ def _idle_packets(bearer: Bearer, interval_s: float, *, rehearsed: bool) -> int:
     return max(IDLE_PACKETS, limits.min_samples, outlasts)
 
 
-def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False, over_vpn: bool = False) -> QualifyPlan:
-    """Pure."""
+def planned(
+    bearer: Bearer, selection: Selection, *, rehearsed: bool = False, over_vpn: bool = False, confirms: bool = True
+) -> QualifyPlan:
+    """Pure. `confirms`: the far end is ours; one of others answers packets, and knows nothing of messages."""
     headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
     times = REHEARSED if rehearsed else TIMES[bearer.kind.traits.pace]
     up_bps, down_bps = bearer.rate.up_kbps * 1000, bearer.rate.down_kbps * 1000
@@ -207,7 +209,7 @@ def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False, ov
         _load(down_bps, times) if Selection.THROUGHPUT in chosen else None,
         tuple(carried),
         len(cells) - len(carried),
-        tuple(SEARCH_SIZES[part] for part in chosen),
+        tuple(SEARCH_SIZES[part] for part in chosen) if confirms else (),
         headers,
         TrainPlan(AUTHENTICATED_SIZE, 0.5, 1.5, times.timeout_s) if over_vpn else None,
     )

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import signal
-import socket
 import threading
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.declaration.model import ServerComputer, Transport
-from atlantis_netcfg.declaration.satellite_allow_list import far_end
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.prove import temporarily
 from atlantis_netcfg.operations.costs import link_of, ports_of
 from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, NothingToQualify, source_in_vpn, source_of
 from atlantis_netcfg.operations.qualify.measure import CUT_OFF, CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned, thresholds_of
 from atlantis_netcfg.operations.qualify.way import (
@@ -69,10 +66,7 @@ _STOPS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TUNNEL_MTU: Final = (
     "the path MTU is the tunnel's: longer packets are cut in two, and so are shorter ones where a link takes less"
 )
-
-
-class NothingToQualify(NothingMatched):
-    """The site has no such link, no router that could lead the packets, or no far end is declared."""
+NOT_OURS: Final = "the far end is not ours: it has no key, and confirms no message, so no highest rate was looked for"
 
 
 def links_of_site(declaration: Declaration, site: str, name: str | None) -> tuple[Bearer, ...]:
@@ -95,60 +89,6 @@ def router_of(declaration: Declaration, site: str) -> Host:
     return found
 
 
-def far_end_of(declaration: Declaration, *, over_vpn: bool) -> tuple[str, int, bytes]:
-    """Address and port of the far end, and the key that it has. Raises NothingToQualify.
-
-    Only a tunnel over UDP can be led over another link without breaking.
-    """
-    qualify, target = declaration.pilot.qualify, far_end(declaration.pilot)
-    if qualify is None or target is None:
-        hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/qualify.md)"
-        raise NothingToQualify("the pilot declares no far end that could answer test packets", hint=hint)
-    address = target.address
-    if over_vpn:
-        device = declaration.hosts[qualify.reflector].device
-        inside = device.vpn_address if isinstance(device, ServerComputer) else None
-        if inside is None:
-            raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="leave `over=vpn` out")
-        if declaration.pilot.vpn.transport is not Transport.UDP:
-            why = "the VPN goes over TCP, and such a tunnel cannot be led over another link without breaking"
-            raise NothingToQualify(why, hint="leave `over=vpn` out")
-        address = inside
-    return str(address), qualify.port, qualify.key.reveal().encode().strip()
-
-
-def source_in_vpn(declaration: Declaration, far: str, port: int) -> str:
-    """This computer's address in the VPN. UsageError: it has no tunnel of its own that is up."""
-    address = _address_towards(far, port)
-    if address not in declaration.pilot.vpn.network:
-        raise UsageError(
-            f"this computer has no tunnel of its own that is up: it would send to {far} from {address}",
-            hint="measure from a computer that is in the VPN and connected, or leave `over=vpn` out",
-        )
-    return str(address)
-
-
-def _address_towards(far: str, port: int) -> IPv4Address:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect((far, port))  # no packet is sent by it
-            return IPv4Address(probe.getsockname()[0])
-        except OSError as error:
-            raise UsageError(f"this computer has no way to {far}: {error.strerror}") from error
-
-
-def source_of(declaration: Declaration, site: str, far: str, port: int) -> str:
-    """This computer's address towards the far end. UsageError: it does not stand in a network of the site."""
-    address = _address_towards(far, port)
-    place = declaration.sites[site]
-    if address not in place.lan.network and address not in place.management.network:
-        raise UsageError(
-            f"this computer would send from {address}, and only packets from networks of `{site}` pass its router",
-            hint=f"plug it into the LAN ({place.lan.network}) or the management port ({place.management.network})",
-        )
-    return str(address)
-
-
 @dataclass(slots=True)
 class LinkRun:
     """One link, and what a person allows for it."""
@@ -160,6 +100,7 @@ class LinkRun:
     limits: BudgetLimits
     folder: Path
     """Of this run: new and empty."""
+    far: MeasuredFarEnd
     over_vpn: bool = False
     emulated: EmulatedLink | None = None
     notify: Subscriber = lambda _event: None
@@ -176,21 +117,26 @@ class LinkRun:
     @property
     def plan(self) -> QualifyPlan:
         """What is sent."""
-        return planned(self.bearer, self.selection, rehearsed=self.emulated is not None, over_vpn=self.over_vpn)
+        return planned(
+            self.bearer,
+            self.selection,
+            rehearsed=self.emulated is not None,
+            over_vpn=self.over_vpn,
+            confirms=self.far.is_ours,
+        )
 
     def measure(self, request: Request) -> tuple[MeasuredRun, Measurement]:
         """Send, count, keep; both files of the folder are written, whatever happens. Raises NetcfgError."""
-        far, port, key = far_end_of(self.declaration, over_vpn=self.over_vpn)
         router = router_of(self.declaration, self.site)
-        with self._transport(far, port) as (transport, source, flow):
+        with self._transport() as (transport, source, flow):
             counted = CountedTransport(transport, self.stop, tunnel_headers=VPN_HEADERS if self.over_vpn else 0)
             guard = BudgetGuard(self._budget(), lambda: counted.now_ns() / 1e9, counted.headers)
             with (self.folder / SAMPLES_FILE).open("a", encoding="utf-8") as file:
-                peer = ReflectorPeer(key, self.clock.synchronised, self.clock.error_s)
+                peer = ReflectorPeer(self.far.key, self.clock.synchronised, self.clock.error_s, counts=self.far.is_ours)
                 measurement = Measurement(
                     self.plan, peer, counted, guard, SampleWriter(file), self._progress(router.name)
                 )
-                begun = self._begun(source, far, port)
+                begun = self._begun(source)
                 write_run(self.folder, begun)
                 try:
                     asyncio.run(self._led(router, request, measurement, flow))
@@ -203,9 +149,9 @@ class LinkRun:
         return run, measurement
 
     @contextmanager
-    def _transport(self, far: str, port: int) -> Iterator[tuple[DatagramTransport, str, MeasuredFlow]]:
+    def _transport(self) -> Iterator[tuple[DatagramTransport, str, MeasuredFlow]]:
         """What sends, from which address, and what the router sees of it."""
-        vpn = self.declaration.pilot.vpn
+        vpn, far, port = self.declaration.pilot.vpn, self.far.address, self.far.port
         endpoint = str(vpn.endpoint)
         opened: AbstractContextManager[UdpTransport]
         if self.emulated is not None:
@@ -262,10 +208,8 @@ class LinkRun:
     def _progress(self, router: str) -> Callable[[str, int, int], None]:
         return lambda message, done, total: self.notify(Event(router, Stage.VERIFYING, message, done, total))
 
-    def _begun(self, source: str, far: str, port: int) -> MeasuredRun:
+    def _begun(self, source: str) -> MeasuredRun:
         name, thresholds = thresholds_of(self.bearer)
-        qualify = self.declaration.pilot.qualify
-        assert qualify is not None  # noqa: S101 - `far_end_of` has looked
         billing = self.bearer.billing if self.bearer.metered else None
         return MeasuredRun(
             id=self.folder.name,
@@ -276,11 +220,11 @@ class LinkRun:
             emulated=self.emulated is not None,
             selection=self.selection,
             far_end=FarEnd(
-                name=qualify.reflector,
-                address=far,
-                port=port,
+                name=self.far.name,
+                address=self.far.address,
+                port=self.far.port,
                 over_vpn=self.over_vpn,
-                authenticated=True,
+                authenticated=self.far.is_ours,
                 source=source,
             ),
             begun=datetime.now(UTC),
@@ -332,6 +276,8 @@ class LinkRun:
             yield f"{number} sizes and rates were not tried: the link cannot carry them by its declared rate"
         if self.over_vpn:
             yield TUNNEL_MTU
+        if not self.far.is_ours:
+            yield NOT_OURS
 
 
 @contextmanager

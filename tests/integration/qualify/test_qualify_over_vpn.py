@@ -28,7 +28,8 @@ from matrix_stand import CENTRE, NET, _cable, _ip, _namespace, vpn
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.qualify import plan, run
-from atlantis_netcfg.operations.qualify.run import TUNNEL_MTU, LinkRun, far_end_of
+from atlantis_netcfg.operations.qualify.far_end import far_end_of
+from atlantis_netcfg.operations.qualify.run import TUNNEL_MTU, LinkRun
 from atlantis_netcfg.qualify.figures import train_figures
 from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, BudgetLimits, Selection
 from atlantis_netcfg.qualify.samples import read
@@ -156,7 +157,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Vpn]:
     laptop = EnrolmentRequest(LAPTOP, MemberKind.LAPTOP, None, LAPTOP, address=IPv4Address("10.80.0.40"))
     with vpn(declaration, [host(declaration, CENTRE), laptop], folder, before=_quay) as made:
         key = folder / "stamp.key"
-        key.write_bytes(far_end_of(declaration, over_vpn=True)[2])
+        key.write_bytes(far_end_of(declaration, over_vpn=True).key or b"")
         far = made.start(
             CENTRE, sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", "--key-file", str(key)
         )
@@ -176,7 +177,8 @@ def measured(
     monkeypatch.setattr(run, "Session", SimpleNamespace(open=_opened(router)))
     bearer = next(each for each in made.declaration.sites["coastal"].bearers if each.name == "4g")
     limits = BudgetLimits(max_bytes=max_bytes)
-    made_run = LinkRun(made.declaration, "coastal", bearer, Selection.TELEMETRY, limits, folder, over_vpn=True)
+    far = far_end_of(made.declaration, over_vpn=True)
+    made_run = LinkRun(made.declaration, "coastal", bearer, Selection.TELEMETRY, limits, folder, far, over_vpn=True)
     found: list[MeasuredRun] = []
     within(made, LAPTOP, lambda: found.append(made_run.measure(cast("Request", None))[0]))
     return found[0], router

@@ -81,6 +81,18 @@ def test_through_the_vpn_the_way_is_proved_and_what_the_boxes_say_is_kept(tmp_pa
 
 
 @pytest.mark.slow
+def test_a_far_end_of_others_answers_packets_and_is_not_called_ours(tmp_path: Path) -> None:
+    typed = ("site=coastal", "link=4g", "far=192.0.2.7:8620", "--max-mb", "0.2", "--rehearse", "--json")
+    told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
+    (link,) = told["links"]
+    run, end = link["run"], link["run"]["far_end"]
+    assert (end["name"], end["address"], end["port"]) == ("192.0.2.7:8620", "192.0.2.7", 8620)
+    assert (end["authenticated"], run["way"], run["path_mtu_both"]) == (False, "PASS", 1500), run["way_reason"]
+    assert any("the far end is not ours" in each for each in run["remarks"])
+    assert {each["criterion"]: each["verdict"] for each in link["judged"]}["FTD, round trip, 95 %"] == "PASS"
+
+
+@pytest.mark.slow
 def test_each_link_that_was_asked_for_has_a_result_though_the_limit_was_used_up(tmp_path: Path) -> None:
     typed = ("site=coastal", "link=all", "--max-mb", "0.1", "--rehearse", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
@@ -96,6 +108,10 @@ def test_each_link_that_was_asked_for_has_a_result_though_the_limit_was_used_up(
         (("site=coastal", "link=5g", "--rehearse"), 7, "type one of: link=wifi-ptp, link=4g, link=satellite, link=all"),
         (("site=coastal", "link=all", "--max-eur", "1", "--rehearse"), 3, "declare `billing` of bearer `4g`"),
         (("site=coastal", "link=4g", "--max-mb", "nothing"), 3, "that is no number above 0"),
+        (("site=coastal", "link=4g", "far=router.example.net", "--rehearse"), 3, "type it like `far=192.0.2.7:862`"),
+        (("site=coastal", "link=4g", "far=192.0.2.7", "over=vpn", "--rehearse"), 3, "leave `over=vpn` out"),
+        (("site=coastal", "link=4g", "far=192.0.2.7", "profile=all", "--rehearse"), 3, "type `profile=telemetry`"),
+        (("site=coastal", "link=satellite", "far=192.0.2.7", "--rehearse"), 7, "declare it below `allow` of that link"),
         (("site=coastal", "link=4g"), 3, "still holds example values"),
         (("site=coastal", "link=4g", "profile=videos"), 3, "telemetry, images, throughput, all"),
     ],

@@ -18,15 +18,11 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Bearer, LinkThresholds, Transport
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, far_end_of, source_in_vpn, source_of
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement, lost_packets
 from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned, thresholds_of
 from atlantis_netcfg.operations.qualify.result import QualifyResult
-from atlantis_netcfg.operations.qualify.run import (
-    far_end_of,
-    links_of_site,
-    source_in_vpn,
-    source_of,
-)
+from atlantis_netcfg.operations.qualify.run import links_of_site
 from atlantis_netcfg.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
 from atlantis_netcfg.qualify.grids import train_bytes
 from atlantis_netcfg.qualify.judgement import profile
@@ -227,8 +223,8 @@ def test_the_links_that_a_person_means() -> None:
 
 def test_the_far_end_is_the_public_address_or_that_in_the_vpn() -> None:
     key = b"EXAMPLE-key-of-the-far-end"
-    assert far_end_of(DECLARED, over_vpn=False) == ("203.0.113.2", 862, key)
-    assert far_end_of(DECLARED, over_vpn=True) == ("10.80.0.2", 862, key)
+    assert far_end_of(DECLARED, over_vpn=False) == MeasuredFarEnd("scc-control", "203.0.113.2", 862, key)
+    assert far_end_of(DECLARED, over_vpn=True) == MeasuredFarEnd("scc-control", "10.80.0.2", 862, key)
 
 
 def test_a_tunnel_over_tcp_is_not_led() -> None:

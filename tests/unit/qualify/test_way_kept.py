@@ -14,6 +14,7 @@ import pytest
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.qualify import run
+from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd
 from atlantis_netcfg.operations.qualify.run import LinkRun
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
 from atlantis_netcfg.routeros.api import Command, Reply
@@ -57,9 +58,12 @@ class MortalSession:
         return Reply()
 
 
+FAR = MeasuredFarEnd("192.0.2.7", "192.0.2.7", 862, None)
+
+
 def link_run() -> LinkRun:
     bearer = DECLARED.sites["coastal"].bearers[0]
-    return LinkRun(DECLARED, "coastal", bearer, Selection.ALL, BudgetLimits(), Path("/nowhere"))
+    return LinkRun(DECLARED, "coastal", bearer, Selection.ALL, BudgetLimits(), Path("/nowhere"), FAR)
 
 
 def test_nothing_is_sent_any_more_when_the_session_of_the_router_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:

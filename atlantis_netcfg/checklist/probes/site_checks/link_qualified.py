@@ -97,6 +97,9 @@ class _LinkQualified:
             yield fail("other-link", f"the measurement of {name} left by another link{why}", again)
         elif run.way is not Verdict.PASS:
             yield unknown("way-not-proved", f"that the measurement of {name} left by it is not proved{why}", again)
+        if not run.far_end.authenticated:
+            message = f"{run.far_end.name}, which answered the measurement of {name}, is no far end of ours"
+            yield unknown("other-far-end", message, again)
         if run.reason != EndReason.DONE:
             yield unknown("cut-short", f"the measurement of {name} did not go to its end: {run.reason}", again)
         if open_ or not record.judgements:

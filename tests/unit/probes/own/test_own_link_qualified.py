@@ -71,6 +71,13 @@ def answer(record: QualifyRecord | None) -> LinkRecordResult:
     return LinkRecordResult(None, "", record, NOW)
 
 
+def test_a_far_end_of_others_qualifies_no_link() -> None:
+    end = real().run.far_end.model_copy(update={"name": "192.0.2.7", "authenticated": False})
+    verdict, codes, message = judged(answer(real(far_end=end)))
+    assert (verdict, codes) == (Verdict.INCONCLUSIVE, {"other-far-end": Verdict.INCONCLUSIVE})
+    assert message == "192.0.2.7, which answered the measurement of satellite, is no far end of ours"
+
+
 def test_items_are_there_where_measurements_are_declared_and_one_for_each_link() -> None:
     without = replace(SHIPPED, pilot=SHIPPED.pilot.model_copy(update={"qualify": None}))
     assert not [step for step in steps(Cell(without, "coastal", None, "site")) if "qualified" in step.name]

@@ -1,0 +1,141 @@
+"""Who answers the test packets, and from which address of this computer they go there.
+
+The far end is ours, at the control centre: it has our key, confirms messages and tells what it counted. Or it is a
+reflector of others, a router or a tester: it answers STAMP (RFC 8762) without a key, and nothing more.
+"""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import dataclass
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.errors import NothingMatched, UsageError
+from atlantis_netcfg.declaration.model import ServerComputer, Transport
+from atlantis_netcfg.declaration.satellite_allow_list import admits, allowed, far_end
+from atlantis_netcfg.qualify.measured_run import Selection
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model import Bearer
+
+STAMP_PORT: Final = 862
+"""RFC 8762, 4.1."""
+
+
+class NothingToQualify(NothingMatched):
+    """The site has no such link, no router that could lead the packets, or no far end is declared."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredFarEnd:
+    """Where test packets go; `name` as it is declared, or its address."""
+
+    name: str
+    address: str
+    port: int
+    key: bytes | None
+    """None: it is not ours, and whoever has its address could have answered for it."""
+
+    @property
+    def is_ours(self) -> bool:
+        """It confirms messages and tells what it counted."""
+        return self.key is not None
+
+    def refuse(self, selection: Selection, links: Iterable[Bearer], declaration: Declaration) -> None:
+        """Raises UsageError, NothingToQualify where a reflector of others cannot measure what is to be measured.
+
+        `links`: those that see the packets themselves, and not a tunnel that they are in.
+        """
+        if self.is_ours:
+            return
+        if selection is not Selection.TELEMETRY:
+            raise UsageError(
+                f"`profile={selection}` needs a far end of ours, which confirms messages",
+                hint="leave `far=` out, or type `profile=telemetry`",
+            )
+        for bearer in links:
+            targets = allowed(declaration.pilot, bearer)
+            if bearer.kind.traits.allow_list and not admits(
+                targets, IPv4Address(self.address), self.port, Transport.UDP
+            ):
+                raise NothingToQualify(
+                    f"`{bearer.name}` lets nothing pass to {self.address}, UDP port {self.port}",
+                    hint="declare it below `allow` of that link, or leave `far=` out",
+                )
+
+
+def far_end_of(declaration: Declaration, *, over_vpn: bool, other: str | None = None) -> MeasuredFarEnd:
+    """The declared far end, or the `other` one that a person names. Raises NothingToQualify, UsageError.
+
+    Only a tunnel over UDP can be led over another link without breaking.
+    """
+    if over_vpn and declaration.pilot.vpn.transport is not Transport.UDP:
+        why = "the VPN goes over TCP, and such a tunnel cannot be led over another link without breaking"
+        raise NothingToQualify(why, hint="leave `over=vpn` out")
+    if other is not None:
+        return _named(declaration, other, over_vpn=over_vpn)
+    qualify, target = declaration.pilot.qualify, far_end(declaration.pilot)
+    if qualify is None or target is None:
+        hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/qualify.md)"
+        raise NothingToQualify("the pilot declares no far end that could answer test packets", hint=hint)
+    address = target.address
+    if over_vpn:
+        device = declaration.hosts[qualify.reflector].device
+        inside = device.vpn_address if isinstance(device, ServerComputer) else None
+        if inside is None:
+            raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="leave `over=vpn` out")
+        address = inside
+    key = qualify.key.reveal().encode().strip()
+    return MeasuredFarEnd(qualify.reflector, str(address), qualify.port, key)
+
+
+def _named(declaration: Declaration, text: str, *, over_vpn: bool) -> MeasuredFarEnd:
+    """A reflector of others, by what a person types. Raises UsageError."""
+    host, colon, number = text.partition(":")
+    try:
+        address, port = IPv4Address(host), int(number) if colon else STAMP_PORT
+    except ValueError:
+        address, port = IPv4Address(0), 0
+    if address.is_unspecified or address.is_multicast or not 0 < port < 1 << 16:
+        raise UsageError(f"`far={text}` is no IPv4 address", hint=f"type it like `far=192.0.2.7:{STAMP_PORT}`")
+    if over_vpn and address not in declaration.pilot.vpn.network:
+        raise UsageError(
+            f"`far={text}` is no address in the VPN ({declaration.pilot.vpn.network})", hint="leave `over=vpn` out"
+        )
+    return MeasuredFarEnd(text, str(address), port, None)
+
+
+def source_in_vpn(declaration: Declaration, far: str, port: int) -> str:
+    """This computer's address in the VPN. UsageError: it has no tunnel of its own that is up."""
+    address = _address_towards(far, port)
+    if address not in declaration.pilot.vpn.network:
+        raise UsageError(
+            f"this computer has no tunnel of its own that is up: it would send to {far} from {address}",
+            hint="measure from a computer that is in the VPN and connected, or leave `over=vpn` out",
+        )
+    return str(address)
+
+
+def source_of(declaration: Declaration, site: str, far: str, port: int) -> str:
+    """This computer's address towards the far end. UsageError: it does not stand in a network of the site."""
+    address = _address_towards(far, port)
+    place = declaration.sites[site]
+    if address not in place.lan.network and address not in place.management.network:
+        raise UsageError(
+            f"this computer would send from {address}, and only packets from networks of `{site}` pass its router",
+            hint=f"plug it into the LAN ({place.lan.network}) or the management port ({place.management.network})",
+        )
+    return str(address)
+
+
+def _address_towards(far: str, port: int) -> IPv4Address:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((far, port))  # no packet is sent by it
+            return IPv4Address(probe.getsockname()[0])
+        except OSError as error:
+            raise UsageError(f"this computer has no way to {far}: {error.strerror}") from error
