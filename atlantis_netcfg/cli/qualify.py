@@ -69,14 +69,17 @@ QUALIFY = CommandSpec(
         JSON,
     ),
     details=(
-        "The site's traffic is not moved: for this computer's test packets alone the router gets a routing rule and "
-        "rows that count, under safe mode, and they are removed again. Exit code 0: every criterion passed, and the "
-        "router's counters prove the link; 6: one failed or is not proved; 7: nothing was sent. `provision "
-        "qualify show`, `compare` and `history` look at what was measured."
+        "The site's traffic is not moved: for this computer's test packets alone (`over=vpn`: for its tunnel) the "
+        "router gets a routing rule and rows that count, under safe mode, and they are removed again. Exit code 0: "
+        "every criterion passed, and the router's counters prove the link; 6: one failed or is not proved; 7: nothing "
+        "was sent. `provision qualify show`, `compare` and `history` look at what was measured."
     ),
     changes=True,
     again="type the same again: rows that it has added go with its session, by the safe mode of the router",
 )
+
+
+_LED_ALONG = "whatever else is in this computer's tunnel goes there as well, beside the limits: close what you can"
 
 
 def run_qualify(arguments: Arguments) -> ExitCode:
@@ -284,6 +287,8 @@ def _pay(opened: CommandSession, links: tuple[Bearer, ...], selection: Selection
     if not opened.as_json:
         for each in previews:
             print(translate(f"{each.words}, in about {max(1, round(each.bill.seconds / 60))} min"), flush=True)
+        if _over_vpn(opened):
+            print(translate(_LED_ALONG), flush=True)
     dear = [each.words for each in previews if each.link.metered]
     if opened.rehearsed:
         if dear and not opened.as_json:
