@@ -287,7 +287,7 @@ def _pay(opened: CommandSession, links: tuple[Bearer, ...], selection: Selection
     if not opened.as_json:
         for each in previews:
             print(translate(f"{each.words}, in about {max(1, round(each.bill.seconds / 60))} min"), flush=True)
-        if _over_vpn(opened):
+        if _over_vpn(opened.arguments):
             print(translate(_LED_ALONG), flush=True)
     dear = [each.words for each in previews if each.link.metered]
     if opened.rehearsed:
