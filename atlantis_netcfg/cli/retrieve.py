@@ -55,6 +55,11 @@ RETRIEVE = CommandSpec(
     flags=(
         Flag("plan", "say what it takes and costs, send nothing", harmless=True),
         Flag("leave", "begin, and do not wait for its end"),
+        Flag(
+            "rehearse",
+            "the same on this computer: both programs, an emulated link that is cut, and made recordings",
+            harmless=True,
+        ),
         Flag("again", "also compare what was retrieved before, and send again what differs"),
         ACCEPT_COST,
         ASK_VAULT_PASS,
@@ -78,8 +83,10 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.request import refuse_examples
-    from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalSelection, source_at
+    from atlantis_netcfg.operations.retrieve import RetrievalSelection, program_by_ssh, source_at
 
+    if arguments.flag("rehearse"):
+        return _rehearse(arguments)
     site, order = arguments.word("site"), arguments.optional("order")
     _refuse_mixed(arguments, order)
     found: list[Source] = []
@@ -91,7 +98,7 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
 
     with session(arguments, via=arguments.optional("via"), chosen=chosen) as opened:
         refuse_examples(opened.declaration, rehearsed=False)
-        program = RetrievalProgram(opened.declaration, found[0], opened.paid(opened.request(Mode.DRIFT)))
+        program = program_by_ssh(opened.declaration, found[0], opened.paid(opened.request(Mode.DRIFT)))
         if order is not None:
             return _ended_or_told(opened, program, order)
         selection = RetrievalSelection(arguments.optional("files") or "*", arguments.flag("again"))
@@ -104,6 +111,54 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
         if arguments.flag("plan"):
             return ExitCode.CHANGES
         return _begin(opened, program, plan, selection)
+
+
+def _rehearse(arguments: Arguments) -> ExitCode:
+    """Let both programs of a transfer run on this computer. Raises UsageError, NothingMatched."""
+    from atlantis_netcfg.cli._rehearse import announce
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.core.errors import ExitCode, UsageError
+    from atlantis_netcfg.operations.link_use import bearer_named
+    from atlantis_netcfg.operations.retrieve import RetrievalSelection, plan, source_at
+    from atlantis_netcfg.operations.retrieve_rehearsed import (
+        NOT_REHEARSED,
+        ROBOT_NOT_REHEARSED,
+        rehearsed_transfer,
+        with_example,
+    )
+
+    more = [f"`{name}=`" for name in ("files", "via", "order") if arguments.optional(name) is not None]
+    more += [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
+    if more:
+        raise UsageError(
+            f"`--rehearse` goes the whole way by itself: it takes no {' and no '.join(more)}", hint="leave that out"
+        )
+    site, found = arguments.word("site"), []
+
+    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        declared, example = with_example(declaration, site)
+        source, host = source_at(declared, site, arguments.optional("from"))
+        found.append((declared, source, example))
+        return (host,)
+
+    with session(arguments, chosen=chosen) as opened:
+        declared, source, example = found[0]
+        announce(opened)
+        named = arguments.optional("link")
+        bearers = declared.sites[site].bearers
+        bearer = bearers[0] if named is None else bearer_named(declared, site, named)
+        with rehearsed_transfer(declared, source, bearer) as transfer:
+            program = transfer.program
+            made = plan(declared, source, bearer.name, program.look(RetrievalSelection()))
+            if not opened.as_json:
+                _say(opened, program, [*([example] if example else []), *made.lines()], {})
+            status = transfer.run(made)
+            same = transfer.same()
+            lines = [*status.lines(site), *transfer.lines(same=same)]
+            untold = [*NOT_REHEARSED, *([ROBOT_NOT_REHEARSED] if made.robot is not None else [])]
+            document = {**status.as_dict(), "rehearsed": True, "same": same, "not_rehearsed": untold}
+            _say(opened, program, [*lines, *(f"  not rehearsed: {each}" for each in untold)], document)
+            return status.exit if same else max(status.exit, ExitCode.CHECKS_FAILED)
 
 
 def _refuse_mixed(arguments: Arguments, order: str | None) -> None:

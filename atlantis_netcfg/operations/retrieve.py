@@ -26,7 +26,7 @@ from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.vpn.link import ssh_command
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.bearers.cost import MeteredLink
     from atlantis_netcfg.declaration import Declaration, Host
@@ -149,8 +149,8 @@ def robot_look(source: Source, look: Mapping[str, Any]) -> RobotLook | None:
     if not isinstance(source, RetrievalRobot):
         return None
     seen = look["robot"]
-    numbers = (int(seen[name]) for name in ("files", "bytes", "lacking"))
-    return RobotLook(source.robot, source.host, seen["state"], *numbers, why=seen.get("why", ""))
+    files, octets, lacking = (int(seen[name]) for name in ("files", "bytes", "lacking"))
+    return RobotLook(source.robot, source.host, seen["state"], files, octets, lacking, seen.get("why", ""))
 
 
 @dataclass(frozen=True, slots=True)
@@ -360,13 +360,27 @@ class RetrievalStatus:
         }
 
 
-class RetrievalProgram:
-    """The program of a gateway, asked by SSH about one source."""
+def program_by_ssh(declaration: Declaration, source: Source, request: Request) -> RetrievalProgram:
+    """The program on the gateway of a source."""
+    host = declaration.hosts[source.host]
+    access = computer_access(declaration, host, request)
 
-    def __init__(self, declaration: Declaration, source: Source, request: Request) -> None:
+    def command(verb: str) -> list[str]:
+        line = f"python3 -I {PROGRAM} {verb}"
+        return [*ssh_command(access), f"sudo -H -n sh -c {shlex.quote(line)}" if access["become"] else line]
+
+    slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
+    return RetrievalProgram(declaration, source, command, slow=slow)
+
+
+class RetrievalProgram:
+    """The program of a gateway, asked about one source; `command` gives what is run here for a verb of it."""
+
+    def __init__(
+        self, declaration: Declaration, source: Source, command: Callable[[str], list[str]], *, slow: bool = False
+    ) -> None:
         self._declaration, self.source, self.host = declaration, source, declaration.hosts[source.host]
-        self._access = computer_access(declaration, self.host, request)
-        self.slow = bearer_of(declaration, self.host, request.via.get(self.host.name)).rtt_s >= FAST_S
+        self._command, self.slow = command, slow
 
     def look(self, selection: RetrievalSelection) -> dict[str, Any]:
         """What there is to send. Raises GatewayAway, DeviceFailed."""
@@ -414,7 +428,7 @@ class RetrievalProgram:
             "running": "a transfer goes on there already",
             "more": "there is more to send now than was looked at",
             "nothing": "there is nothing to send any more",
-            "robot": f"{self.source.name} {'answers no more' if answer.get('why') else 'answers now'}",
+            "robot": f"{self.source.name} answers no more" if answer.get("why") else f"{self.source.name} answers now",
             "unit": f"its unit does not start: {answer.get('why')}",
         }
         hint = shown_by(self.host, self.source) if why == "running" else "type the same again"
@@ -439,13 +453,9 @@ class RetrievalProgram:
 
     def _ask(self, verb: str, values: Mapping[str, Any]) -> dict[str, Any]:
         name = self.host.name
-        command = f"python3 -I {PROGRAM} {verb}"
-        if self._access["become"]:
-            command = f"sudo -H -n sh -c {shlex.quote(command)}"
-        words = [*ssh_command(self._access), command]
         try:
             done = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
-                words,
+                self._command(verb),
                 input=json.dumps({**values, "source": self.source.name}),
                 capture_output=True,
                 text=True,

@@ -30,6 +30,7 @@ from pathlib import Path
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from retrieval_robot import (
     LINK_LOST,
+    ROOT,
     SOME_LEFT,
     Away,
     Refused,
@@ -40,8 +41,8 @@ from retrieval_robot import (
     ssh_words,
 )
 
-SETTINGS = Path("/etc/atlantis/retrieval.json")
-STATE = Path("/var/lib/atlantis/retrieval")
+SETTINGS = Path(ROOT, "etc/atlantis/retrieval.json")
+STATE = Path(ROOT, "var/lib/atlantis/retrieval")
 JOB, LOCK = STATE / "job.json", STATE / "lock"
 STATUS, COUNTS, KEPT, HASHES = (Path(name) for name in ("status.json", "counts.json", "kept.json", "hashes.json"))
 """Of the source."""
@@ -205,9 +206,10 @@ def others(settings: "dict") -> bool:
 
 def status(settings: "dict", _request: "dict") -> "dict":
     """Say how it stands."""
-    counts, other = read(COUNTS, {}), others(settings)
-    told = dict(read(STATUS, {"state": "none"}), wire_bytes=counts.get("wire", 0))
-    told.update(running=not other and runs(), job=not other and JOB.exists())
+    other = others(settings)
+    on = {"running": not other and runs(), "job": not other and JOB.exists()}
+    # Read after that: what ends meanwhile has told its end before.
+    told = dict(read(STATUS, {"state": "none"}), wire_bytes=read(COUNTS, {}).get("wire", 0), **on)
     if told["state"] == "collecting":
         robot = Robot(settings)
         told["collected_bytes"] = robot.begun() + sum(state.st_size for _, state in regular(robot.folder))
@@ -515,6 +517,17 @@ def connect(settings: "dict") -> int:
     meter = Meter(job)
     for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGPIPE):
         signal.signal(number, lambda *_: (meter.save(), os._exit(1)))
+    try:
+        return carry(settings, job, meter)
+    except OSError as error:
+        sys.stderr.write("{}: {}\n".format(settings["to"], error.strerror or error))
+        return 1
+    finally:
+        meter.save()
+
+
+def carry(settings: "dict", job: "dict", meter: Meter) -> int:
+    """Until an end of the connection is closed. Raises OSError."""
     here, began = (settings["from"], 0), time.monotonic()
     with socket.create_connection((settings["address"], settings["port"]), job["silence_s"], here) as peer:
         if too_slow(job, time.monotonic() - began):
@@ -533,7 +546,6 @@ def connect(settings: "dict") -> int:
             view = memoryview(data)
             while view:
                 view = view[os.write(1, view) :]
-    meter.save()
     return 0
 
 

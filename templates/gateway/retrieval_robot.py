@@ -5,7 +5,7 @@ its name here after the robot has read it again, and rsync has found the same ch
 or removed on the robot; what is here of a file stays when the robot goes, and is not fetched again.
 """
 
-# ruff: noqa: INP001, PTH103, PTH105, PTH108, PTH118, PTH120, S603 - a program of the gateway; its paths are text
+# ruff: noqa: INP001, PTH100, PTH103, PTH105, PTH108, PTH118, PTH120, S603 - a program of the gateway; its paths are text
 
 import calendar
 import contextlib
@@ -16,7 +16,9 @@ import subprocess
 import time
 from pathlib import Path
 
-KNOWN_HOSTS = "/etc/atlantis/retrieval.known_hosts"
+ROOT = os.path.normpath(os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../../.."))
+"""Of the tree in which this was laid down; a rehearsal has one of its own."""
+KNOWN_HOSTS = os.path.join(ROOT, "etc/atlantis/retrieval.known_hosts")
 LINK_LOST = frozenset({10, 12, 20, 30, 35, 255})
 """Of rsync(1) and ssh(1): socket, protocol stream, signal, timeouts, ssh itself."""
 SOME_LEFT = frozenset({23, 24})

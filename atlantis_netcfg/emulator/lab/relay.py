@@ -67,14 +67,21 @@ class _Direction(Enum):
 
 
 class Relay:
-    """Listens on 127.0.0.1, and leads every connection to an address inside a namespace, in a thread of its own."""
+    """Listens on 127.0.0.1, and leads every connection to an address inside a namespace, in a thread of its own.
 
-    def __init__(self, make: Callable[[], socket.socket], target: tuple[str, int]) -> None:
+    `buffer`: so many bytes wait in the kernel before a sender has to wait; None: as many as it gives, megabytes.
+    """
+
+    def __init__(
+        self, make: Callable[[], socket.socket], target: tuple[str, int], *, buffer: int | None = None
+    ) -> None:
         self._bearer = _RelayBearer()
         self._make = make
         self._target = target
         self._door = socket.create_server(("127.0.0.1", 0))
         self._door.setblocking(False)
+        if buffer is not None:
+            self._door.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
         self.port: int = self._door.getsockname()[1]
         self._loop = asyncio.new_event_loop()
         self._end = asyncio.Event()

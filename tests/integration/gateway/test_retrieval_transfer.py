@@ -10,7 +10,7 @@ from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
 from retrieval_stand import FOLDER, GATEWAY, KEPT, MB, Ends, ends
 
 from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalSelection, source_at
+from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalSelection, program_by_ssh, source_at
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,7 +35,7 @@ def asked_by_ssh(pair: Ends, key: Key, folder: Path) -> RetrievalProgram:
     port, file = pair.gateway.port, str(key.file)
     target = Target(host="127.0.0.1", port=port, known_hosts=str(known), identity=file)
     request = Request(state=folder, rehearsed=True, targets={GATEWAY: target})
-    return RetrievalProgram(pair.declaration, source_at(pair.declaration, "coastal", pair.source)[0], request)
+    return program_by_ssh(pair.declaration, source_at(pair.declaration, "coastal", pair.source)[0], request)
 
 
 def test_a_transfer_is_whole_survives_a_cut_and_is_mended(

@@ -247,6 +247,14 @@ def test_without_a_name_the_choices_are_listed(desk: Desk) -> None:
     assert f"choose one of these: `from={GATEWAY}`, `from=sparus`" in desk.capsys.readouterr().err
 
 
+def test_a_rehearsal_goes_its_whole_way_and_says_what_it_needs(desk: Desk) -> None:
+    desk.monkeypatch.setenv("PATH", "/nowhere")
+    assert "rsync is not installed on this computer" in desk.type("--rehearse", code=3)
+    assert "it takes no `files=` and no `--plan`" in desk.type("--rehearse", "files=a", "--plan", code=3)
+    assert "has no link `5g`" in desk.type("--rehearse", "link=5g", code=3)
+    assert desk.verbs() == []
+
+
 SHOWN = "`provision retrieve site={} from={} status` shows it, `stop` in its place ends it"
 
 

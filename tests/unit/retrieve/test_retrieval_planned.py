@@ -19,6 +19,7 @@ from atlantis_netcfg.operations.retrieve import (
     plan,
     source_at,
 )
+from atlantis_netcfg.operations.retrieve_rehearsed import with_example
 
 LOOK = {"files": 4, "bytes": 10_000_000, "compared": 0, "kept": 2, "writing": 1, "unnamed": 0, "before": 1.0}
 TOLD = {
@@ -123,3 +124,13 @@ def test_the_source_is_the_one_of_the_site_or_the_named_one() -> None:
 @pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (119, "119 s"), (120, "2 min"), (12_000, "3 h 20 min")])
 def test_a_time_is_told_as_people_say_it(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+def test_without_a_declaration_a_rehearsal_has_an_example_and_changes_no_other() -> None:
+    declaration, words = with_example(SHIPPED, "te4sea")
+    assert words == "no recordings are declared to be retrieved: this is an example, from te4sea-gateway to scc-control"
+    assert source_at(declaration, "te4sea", None)[1].name == "te4sea-gateway"
+    assert SHIPPED.pilot.retrieval is None
+    assert with_example(DECLARED, "coastal") == (DECLARED, None)
+    with pytest.raises(NothingMatched, match="scc has no gateway in the VPN"):
+        with_example(SHIPPED, "scc")

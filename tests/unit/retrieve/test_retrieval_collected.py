@@ -31,7 +31,8 @@ class Rsync:
     """In the place of rsync: copies from a folder; what it is to spoil, to refuse or to lose it does so."""
 
     def __init__(self, robot: Path) -> None:
-        self.robot, self.fails, self.spoils = robot, [], 0
+        self.robot, self.spoils = robot, 0
+        self.fails: list[tuple[int, str]] = []
         self.calls: list[str] = []
 
     def run(self, words: list[str], *, input: bytes | None, **_: Any) -> Any:  # noqa: A002, ANN401 - as subprocess.run

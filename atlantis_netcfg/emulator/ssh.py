@@ -1,0 +1,181 @@
+"""In the place of ssh, sshd and systemctl in a rehearsal without root: what is sent is sent, and nothing is encrypted.
+
+Run as a program it is what its first argument says, and needs nothing but Python. `ssh` goes by its `ProxyCommand` to
+`SshServer`; without one it runs the command in the folder that `ROBOT` names. `systemctl` starts, shows and stops one
+unit: the command that `UNIT` holds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import shlex
+import signal
+import socketserver
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import socket
+    from collections.abc import Mapping, Sequence
+
+ROBOT, UNIT, LOCK = "ATLANTIS_REHEARSED_ROBOT", "ATLANTIS_REHEARSED_UNIT", "ATLANTIS_REHEARSED_LOCK"
+_FRAME = struct.Struct("!cI")
+_OUT, _ERROR, _END, _ALIVE = b"o", b"e", b"x", b"a"
+_ALIVE_S = 0.5
+_VALUES = frozenset({"-F", "-i", "-l", "-o", "-p"})
+"""Options of ssh with a value behind them."""
+_PIECE = 65536
+_LOST = 255
+
+
+class SshServer:
+    """Takes connections of the stand-in for ssh on the loopback, and runs one command, whatever was typed."""
+
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
+        class Handler(socketserver.BaseRequestHandler):
+            def handle(self) -> None:
+                _serve(self.request, command, environment)
+
+        class Server(socketserver.ThreadingTCPServer):
+            daemon_threads = True
+
+        self._server = Server(("127.0.0.1", 0), Handler)
+        self.address = ("127.0.0.1", int(self._server.server_address[1]))
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def close(self) -> None:
+        """Take no more connections."""
+        self._server.shutdown()
+        self._server.server_close()
+
+
+def _serve(connection: socket.socket, command: Sequence[str], environment: Mapping[str, str]) -> None:
+    stream = connection.makefile("rb", buffering=_PIECE)
+    typed = json.loads(stream.readline() or b"null")
+    if typed is None:
+        return
+    lock, ended = threading.Lock(), threading.Event()
+
+    def frame(kind: bytes, number: int, data: bytes = b"") -> None:
+        with lock, contextlib.suppress(OSError):
+            connection.sendall(_FRAME.pack(kind, number) + data)
+
+    def alive() -> None:
+        while not ended.wait(_ALIVE_S):
+            frame(_ALIVE, 0)
+
+    def frames(source: IO[bytes], kind: bytes) -> None:
+        while data := os.read(source.fileno(), _PIECE):
+            frame(kind, len(data), data)
+
+    with subprocess.Popen(  # noqa: S603 - a program of ours
+        command,
+        env={**environment, "SSH_ORIGINAL_COMMAND": typed},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    ) as process:
+        assert process.stdin is not None  # noqa: S101 - they are pipes
+        assert process.stdout is not None  # noqa: S101
+        assert process.stderr is not None  # noqa: S101
+        threading.Thread(target=_copy, args=(stream, process.stdin), daemon=True).start()
+        errors = threading.Thread(target=frames, args=(process.stderr, _ERROR), daemon=True)
+        errors.start()
+        threading.Thread(target=alive, daemon=True).start()
+        frames(process.stdout, _OUT)
+        errors.join()
+        ended.set()
+        frame(_END, process.wait() & 0xFF)
+
+
+def _copy(source: IO[bytes], target: IO[bytes]) -> None:
+    """Until the source ends; then the target is closed."""
+    with contextlib.suppress(OSError, ValueError):
+        while data := source.read1(_PIECE):  # type: ignore[attr-defined]
+            target.write(data)
+            target.flush()
+    with contextlib.suppress(OSError):
+        target.close()
+
+
+def _ssh(words: Sequence[str]) -> int:
+    options, rest = {}, list(words)
+    while rest and rest[0].startswith("-"):
+        name, _, value = (rest.pop(1) if rest[0] in _VALUES else "").partition("=")
+        options[name] = value
+        del rest[0]
+    command = " ".join(rest[1:])
+    if "ProxyCommand" not in options:
+        os.chdir(os.environ[ROBOT])
+        os.execv("/bin/sh", ["sh", "-c", f"exec {command}"])  # noqa: S606 - as sshd does
+    way = subprocess.Popen(  # noqa: S603 - as ssh does
+        ["/bin/sh", "-c", f"exec {options['ProxyCommand']}"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    assert way.stdin is not None  # noqa: S101 - they are pipes
+    assert way.stdout is not None  # noqa: S101
+    way.stdin.write(json.dumps(command).encode() + b"\n")
+    way.stdin.flush()
+    threading.Thread(target=_copy, args=(sys.stdin.buffer, way.stdin), daemon=True).start()
+    heard = [time.monotonic()]
+    silence_s = float(options["ServerAliveInterval"]) * float(options["ServerAliveCountMax"])
+    threading.Thread(target=_watch, args=(heard, silence_s), daemon=True).start()
+    while len(head := way.stdout.read(_FRAME.size)) == _FRAME.size:
+        heard[0] = time.monotonic()
+        kind, number = _FRAME.unpack(head)
+        if kind == _END:
+            return int(number)
+        stream = (sys.stdout if kind == _OUT else sys.stderr).buffer
+        stream.write(way.stdout.read(number))
+        stream.flush()
+    sys.stderr.write("Connection closed\n")
+    return _LOST
+
+
+def _watch(heard: Sequence[float], silence_s: float) -> None:
+    while time.monotonic() < heard[0] + silence_s:
+        time.sleep(_ALIVE_S)
+    sys.stderr.write("Timeout, server not responding.\n")
+    sys.stderr.flush()
+    os._exit(_LOST)
+
+
+def _systemctl(words: Sequence[str]) -> int:
+    with Path(os.environ[LOCK]).open("a+") as held:
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            runs = False
+        except BlockingIOError:
+            runs = True
+        if words[0] == "show":
+            sys.stdout.write("active\n" if runs else "inactive\n")
+        elif words[0] == "start" and not runs:
+            unit = subprocess.Popen(  # noqa: S603 - a program of ours; it holds the lock as long as it runs
+                shlex.split(os.environ[UNIT]),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+                pass_fds=(held.fileno(),),
+            )
+            held.truncate(0)
+            held.write(str(unit.pid))
+        elif words[0] == "stop" and runs:
+            held.seek(0)
+            os.killpg(int(held.read()), signal.SIGTERM)
+    return 0
+
+
+if __name__ == "__main__":
+    # Threads may wait for what never comes: nothing is waited for at the end.
+    CODE = {"ssh": _ssh, "systemctl": _systemctl}[sys.argv[1]](sys.argv[2:])
+    sys.stdout.flush()
+    os._exit(CODE)

@@ -1,0 +1,244 @@
+"""A transfer of recordings on this computer alone: the programs of both ends, over an emulated link that is cut.
+
+Both ends are laid down in one folder, as the role lays them down in `/`. The gateway's program sends by rsync to the
+control centre's program; in the places of ssh, sshd and systemd are stand-ins (`emulator/ssh.py`), and a relay does
+what the site's link is declared to do. The recordings are noise, as much as the link carries in some seconds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shlex
+import shutil
+import socket
+import sys
+import time
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.bearers.cost import size
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.declaration.model import ControlCentre, Gateway, Retrieval, RetrievalRobot, ServerComputer
+from atlantis_netcfg.emulator import ssh
+from atlantis_netcfg.emulator.lab.relay import Relay, RelayWay
+from atlantis_netcfg.gateway.retrieval import PROGRAM, retrieval
+from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.operations.retrieve import SHARES, WIRE, RetrievalProgram, RetrievalSelection, new_number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.operations.retrieve import RetrievalPlan, RetrievalStatus, Source
+
+GAP_S: Final = 20.0
+"""In the place of 70 s, at most: the link is given back when the connection was lost."""
+SILENCE_S: Final = 3
+"""In the place of 120 s: how long a connection may be silent."""
+NOT_REHEARSED: Final = (
+    f"a gap of 70 s: the link is cut until the connection is lost, which may be silent for {SILENCE_S} s, not 120 s",
+    "SSH, its keys and accounts, and the VPN: the two programs are joined without them",
+    "the router, and a site that changes its link meanwhile; the link does what is declared below `rate`",
+    "the end at the cap of the link, systemd, a restart of the gateway, a full disk",
+    "real recordings: these are noise, as much as the link carries in some seconds",
+)
+ROBOT_NOT_REHEARSED: Final = "the robot: its recordings lie in a folder of this computer, and its SSH and LAN are none"
+_SECONDS: Final = 12
+_LEAST_BYTES, _MOST_BYTES = 20_000, 3_000_000
+_LOOK_S: Final = 0.2
+_BUFFER: Final = 16384
+_EXAMPLE_KEY: Final = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
+"""Of no computer: no key is used."""
+
+
+def with_example(declaration: Declaration, site: str) -> tuple[Declaration, str | None]:
+    """Give the declaration, and what was added to it where it has no recordings. Raises NothingMatched."""
+    if declaration.pilot.retrieval is not None or site not in declaration.sites:
+        return declaration, None
+    gateway = _first(declaration.site_hosts(site), Gateway)
+    centre = _first(declaration.hosts.values(), ControlCentre)
+    if gateway is None or centre is None:
+        raise NothingMatched(
+            f"{site} has no gateway in the VPN, or the pilot has no control centre there",
+            hint="docs/retrieve.md says what a transfer of recordings needs",
+        )
+    hosts = dict(declaration.hosts)
+    for name in (gateway, centre):
+        device = hosts[name].device
+        assert isinstance(device, ServerComputer)  # noqa: S101 - `_first` has looked
+        known = device.ssh.model_copy(update={"host_key": device.ssh.host_key or _EXAMPLE_KEY})
+        hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": known}))
+    example = Retrieval.model_validate({"to": centre, "budget_mb": 1000, "sources": [{"host": gateway}]})
+    pilot = declaration.pilot.model_copy(update={"retrieval": example})
+    words = f"no recordings are declared to be retrieved: this is an example, from {gateway} to {centre}"
+    return replace(declaration, hosts=hosts, pilot=pilot), words
+
+
+def _first(hosts: Iterable[Host], kind: type[ServerComputer]) -> str | None:
+    in_vpn = (host for host in hosts if isinstance(host.device, kind) and host.device.vpn_address is not None)
+    return next((host.name for host in in_vpn), None)
+
+
+@dataclass(slots=True)
+class RehearsedTransfer:
+    """Both ends, and the link between them."""
+
+    program: RetrievalProgram
+    recordings: Path
+    kept: Path
+    _relay: Relay
+    _way: RelayWay
+    cut_s: float = 0.0
+    lost: bool = False
+    """The connection, in the gap."""
+
+    @property
+    def sent_bytes(self) -> int:
+        """What the gateway has sent over the link."""
+        return self._relay.traffic.up_bytes
+
+    @property
+    def recorded_bytes(self) -> int:
+        """Of all recordings."""
+        return sum(path.stat().st_size for path in self.recordings.rglob("*") if path.is_file())
+
+    def run(self, plan: RetrievalPlan) -> RetrievalStatus:
+        """Send, cut the link once when half has gone over it, and wait for the end. Raises NotBegun, GatewayAway."""
+        job = plan.job(RetrievalSelection(), new_number())
+        # A relay takes more than a link does before the gap, which is lost in it and counted.
+        self.program.start({**job, "silence_s": SILENCE_S, "cap_bytes": None})
+        while (status := self.program.status()).runs:
+            if not self.cut_s and self.sent_bytes > self.recorded_bytes / 2:
+                self._cut()
+            time.sleep(_LOOK_S)
+        return status
+
+    def _cut(self) -> None:
+        """Let nothing pass until the gateway waits for the control centre."""
+        began = time.monotonic()
+        self._relay.set(replace(self._way, up=False))
+        while not self.lost and time.monotonic() < began + GAP_S:
+            time.sleep(_LOOK_S)
+            self.lost = self.program.status().state == "waiting"
+        self._relay.set(self._way)
+        self.cut_s = time.monotonic() - began
+
+    def lines(self, *, same: bool) -> list[str]:
+        """What a person reads at the end, beside how the transfer stands."""
+        seconds = f"{self.cut_s:.0f}"
+        cut = "the link was not cut on the way"
+        if self.cut_s:
+            cut = f"the link was cut for {seconds} s on the way, and the connection outlived it"
+        if self.lost:
+            cut = f"the link was cut for {seconds} s on the way, and the connection was lost"
+        return [
+            f"{size(self.sent_bytes)} went over the emulated link for {size(self.recorded_bytes)} of recordings",
+            cut,
+            "both folders were read by this computer: they are the same"
+            if same
+            else "both folders were read by this computer: they are not the same",
+        ]
+
+    def same(self) -> bool:
+        """Whether both folders hold the same files, as this computer reads them."""
+        return _digests(self.recordings) == _digests(self.kept)
+
+
+@contextmanager
+def rehearsed_transfer(declaration: Declaration, source: Source, bearer: Bearer) -> Iterator[RehearsedTransfer]:
+    """Lay both ends down, and join them; all of it ends with the context. Raises UsageError."""
+    if shutil.which("rsync") is None:
+        raise UsageError(
+            "rsync is not installed on this computer, and the rehearsal sends by it",
+            hint="type `sudo apt install rsync`, then the same again",
+        )
+    declared = declaration.pilot.retrieval
+    assert declared is not None  # noqa: S101 - the source is of it
+    with temporary.folder("retrieve") as root:
+        for name in (source.host, declared.to):
+            for file in retrieval(declaration, declaration.hosts[name], rehearsed=True).files:
+                place = root / file.path.lstrip("/")
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_text(file.content)
+        recordings = root / "recordings"
+        _record(recordings, round(SHARES[source.priority] * bearer.rate.up_kbps * 125 * _SECONDS / WIRE))
+        environment = _environment(root, recordings)
+        server = ssh.SshServer(_receiver(root, source.host), environment)
+        relay = Relay(socket.socket, server.address, buffer=_BUFFER)
+        way = RelayWay(shapes=link_shapes(bearer))
+        relay.set(way)
+        _settle(root, source, recordings, relay.port)
+        words = [f"{name}={value}" for name, value in environment.items()]
+        program = RetrievalProgram(declaration, source, lambda verb: ["env", "-i", *words, *_run(root, PROGRAM), verb])
+        kept = root / declared.folder.lstrip("/") / source.name
+        try:
+            yield RehearsedTransfer(program, recordings, kept, relay, way)
+        finally:
+            with suppress(NetcfgError):
+                program.stop()
+            relay.close()
+            server.close()
+
+
+def _run(root: Path, program: str) -> list[str]:
+    return [sys.executable, "-I", f"{root}{program}"]
+
+
+def _environment(root: Path, robot: Path) -> dict[str, str]:
+    """Of the programs: in the front of their path are the stand-ins."""
+    folder = root / "stand-ins"
+    folder.mkdir()
+    for name in ("ssh", "systemctl"):
+        program = folder / name
+        program.write_text(f'#!/bin/sh\nexec {shlex.join([sys.executable, "-I", ssh.__file__, name])} "$@"\n')
+        program.chmod(0o755)
+    return {
+        "PATH": f"{folder}:{os.environ['PATH']}",
+        "HOME": str(root),
+        ssh.ROBOT: str(robot),
+        ssh.UNIT: shlex.join([*_run(root, PROGRAM), "run"]),
+        ssh.LOCK: str(root / "unit"),
+    }
+
+
+def _receiver(root: Path, gateway: str) -> list[str]:
+    """What sshd would run for the gateway's key, with its places below `root`."""
+    lines = (root / "etc/atlantis/retrieval.keys").read_text()
+    found = re.search(rf'command="([^"]*)" .* {gateway}$', lines, re.MULTILINE)
+    assert found is not None  # noqa: S101 - `gateway/retrieval.py` writes it
+    _, _, program, names, folder, budget = found[1].split(" ")
+    (root / folder.lstrip("/")).mkdir(parents=True)
+    return [*_run(root, program), names, f"{root}{folder}", budget]
+
+
+def _settle(root: Path, source: Source, recordings: Path, port: int) -> None:
+    """Let the gateway's program look at the made recordings, and send to the relay."""
+    path = root / "etc/atlantis/retrieval.json"
+    settings = json.loads(path.read_text())
+    settings.update({"from": "127.0.0.1", "address": "127.0.0.1", "port": port})
+    row = settings["sources"][source.name]
+    row["folder"] = f"{root}{row['folder']}" if isinstance(source, RetrievalRobot) else str(recordings)
+    path.write_text(json.dumps(settings))
+    (root / "var/lib/atlantis/retrieval").mkdir(parents=True)
+
+
+def _record(folder: Path, size: int) -> None:
+    """Three files of noise that nobody writes to any more."""
+    whole = min(_MOST_BYTES, max(_LEAST_BYTES, size))
+    for name, part in (("bag-1/bag-1_0.db3", 0.6), ("bag-1/metadata.yaml", 0.01), ("bag-2/bag-2_0.db3", 0.39)):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(os.urandom(int(whole * part)))
+        os.utime(path, (time.time() - 3600,) * 2)
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

@@ -1,0 +1,65 @@
+"""`provision retrieve --rehearse`: both programs and a real rsync over an emulated link, without root."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from retrieval_programs import GATEWAY, ROBOT, with_retrieval
+
+from atlantis_netcfg.cli import _session, main
+from atlantis_netcfg.operations import retrieve_rehearsed
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.declaration import Declaration
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(120),
+    pytest.mark.skipif(shutil.which("rsync") is None, reason="no rsync: `make test` installs it"),
+]
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+
+
+def test_from_the_shipped_inventory_an_example_survives_a_gap(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["retrieve", "site=coastal", "--rehearse", "link=wifi-ptp"]) == 0
+    printed = capsys.readouterr().out
+    for words in (
+        f"no recordings are declared to be retrieved: this is an example, from {GATEWAY} to scc-control",
+        "3 files: the same SHA-256 at both ends",
+        "and the connection was lost",
+        "both folders were read by this computer: they are the same",
+        "not rehearsed: SSH, its keys and accounts, and the VPN",
+    ):
+        assert words in printed
+
+
+def test_a_robot_is_collected_first_and_a_spoilt_copy_is_not_green(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    declared: Declaration = with_retrieval(robots=[ROBOT], sources=[{"host": GATEWAY}])
+    monkeypatch.setattr(_session, "load", lambda *_, **__: declared)
+    monkeypatch.setattr(retrieve_rehearsed, "_MOST_BYTES", 400_000)
+    kept: list[dict[str, str]] = []
+    real = retrieve_rehearsed._digests
+
+    def digests(folder: Path) -> dict[str, str]:
+        if folder.name == ROBOT["robot"]:
+            kept.append(real(folder))
+            next(folder.rglob("*.db3")).write_bytes(b"spoilt")
+        return real(folder)
+
+    monkeypatch.setattr(retrieve_rehearsed, "_digests", digests)
+    assert main(["retrieve", "site=coastal", "from=sparus", "--rehearse", "--json"]) == 6
+    document: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert (document["whole"], document["same"], document["from"]) == (True, False, "sparus")
+    assert sorted(kept[0]) == ["bag-1/bag-1_0.db3", "bag-1/metadata.yaml", "bag-2/bag-2_0.db3"]
+    assert any("the robot" in line for line in document["not_rehearsed"])
