@@ -1,8 +1,8 @@
 """In the place of ssh, sshd and systemctl in a rehearsal without root: what is sent is sent, and nothing is encrypted.
 
 Run as a program it is what its first argument says, and needs nothing but Python. `ssh` goes by its `ProxyCommand` to
-`SshServer`; without one it runs the command in the folder that `ROBOT` names. `systemctl` starts, shows and stops one
-unit: the command that `UNIT` holds.
+`CommandServer`; without one it runs the command in the folder that `ROBOT` names. `systemctl` starts, shows and stops
+one unit: the command that `UNIT` holds.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _PIECE = 65536
 _LOST = 255
 
 
-class SshServer:
+class CommandServer:
     """Takes connections of the stand-in for ssh on the loopback, and runs one command, whatever was typed."""
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
@@ -44,10 +44,10 @@ class SshServer:
             def handle(self) -> None:
                 _serve(self.request, command, environment)
 
-        class Server(socketserver.ThreadingTCPServer):
+        class CommandTcpServer(socketserver.ThreadingTCPServer):
             daemon_threads = True
 
-        self._server = Server(("127.0.0.1", 0), Handler)
+        self._server = CommandTcpServer(("127.0.0.1", 0), Handler)
         self.address = ("127.0.0.1", int(self._server.server_address[1]))
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
@@ -125,11 +125,11 @@ def _ssh(words: Sequence[str]) -> int:
     way.stdin.write(json.dumps(command).encode() + b"\n")
     way.stdin.flush()
     threading.Thread(target=_copy, args=(sys.stdin.buffer, way.stdin), daemon=True).start()
-    heard = [time.monotonic()]
+    last_frame = [time.monotonic()]
     silence_s = float(options["ServerAliveInterval"]) * float(options["ServerAliveCountMax"])
-    threading.Thread(target=_watch, args=(heard, silence_s), daemon=True).start()
+    threading.Thread(target=_watch, args=(last_frame, silence_s), daemon=True).start()
     while len(head := way.stdout.read(_FRAME.size)) == _FRAME.size:
-        heard[0] = time.monotonic()
+        last_frame[0] = time.monotonic()
         kind, number = _FRAME.unpack(head)
         if kind == _END:
             return int(number)
@@ -140,8 +140,8 @@ def _ssh(words: Sequence[str]) -> int:
     return _LOST
 
 
-def _watch(heard: Sequence[float], silence_s: float) -> None:
-    while time.monotonic() < heard[0] + silence_s:
+def _watch(last_frame: Sequence[float], silence_s: float) -> None:
+    while time.monotonic() < last_frame[0] + silence_s:
         time.sleep(_ALIVE_S)
     sys.stderr.write("Timeout, server not responding.\n")
     sys.stderr.flush()
@@ -149,9 +149,9 @@ def _watch(heard: Sequence[float], silence_s: float) -> None:
 
 
 def _systemctl(words: Sequence[str]) -> int:
-    with Path(os.environ[LOCK]).open("a+") as held:
+    with Path(os.environ[LOCK]).open("a+") as lock_file:
         try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             runs = False
         except BlockingIOError:
             runs = True
@@ -164,13 +164,13 @@ def _systemctl(words: Sequence[str]) -> int:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 start_new_session=True,
-                pass_fds=(held.fileno(),),
+                pass_fds=(lock_file.fileno(),),
             )
-            held.truncate(0)
-            held.write(str(unit.pid))
+            lock_file.truncate(0)
+            lock_file.write(str(unit.pid))
         elif words[0] == "stop" and runs:
-            held.seek(0)
-            os.killpg(int(held.read()), signal.SIGTERM)
+            lock_file.seek(0)
+            os.killpg(int(lock_file.read()), signal.SIGTERM)
     return 0
 
 
