@@ -1,7 +1,7 @@
 """In the place of ssh, sshd and systemctl in a rehearsal without root: what is sent is sent, and nothing is encrypted.
 
 Run as a program it is what its first argument says, and needs nothing but Python. `ssh` goes by its `ProxyCommand` to
-`LoopbackSshd`; without one it runs the command in the folder that `ROBOT` names. `systemctl` starts, shows and stops
+`CommandServer`; without one it runs the command in the folder that `ROBOT` names. `systemctl` starts, shows and stops
 one unit: the command that `UNIT` holds.
 """
 
@@ -36,7 +36,7 @@ _PIECE = 65536
 _LOST = 255
 
 
-class LoopbackSshd:
+class CommandServer:
     """Takes connections of the stand-in for ssh on the loopback, and runs one command, whatever was typed."""
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
@@ -44,10 +44,10 @@ class LoopbackSshd:
             def handle(self) -> None:
                 _serve(self.request, command, environment)
 
-        class LoopbackListener(socketserver.ThreadingTCPServer):
+        class CommandTcpServer(socketserver.ThreadingTCPServer):
             daemon_threads = True
 
-        self._server = LoopbackListener(("127.0.0.1", 0), Handler)
+        self._server = CommandTcpServer(("127.0.0.1", 0), Handler)
         self.address = ("127.0.0.1", int(self._server.server_address[1]))
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
@@ -149,9 +149,9 @@ def _watch(last_frame: Sequence[float], silence_s: float) -> None:
 
 
 def _systemctl(words: Sequence[str]) -> int:
-    with Path(os.environ[LOCK]).open("a+") as lock:
+    with Path(os.environ[LOCK]).open("a+") as lock_file:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             runs = False
         except BlockingIOError:
             runs = True
@@ -164,13 +164,13 @@ def _systemctl(words: Sequence[str]) -> int:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 start_new_session=True,
-                pass_fds=(lock.fileno(),),
+                pass_fds=(lock_file.fileno(),),
             )
-            lock.truncate(0)
-            lock.write(str(unit.pid))
+            lock_file.truncate(0)
+            lock_file.write(str(unit.pid))
         elif words[0] == "stop" and runs:
-            lock.seek(0)
-            os.killpg(int(lock.read()), signal.SIGTERM)
+            lock_file.seek(0)
+            os.killpg(int(lock_file.read()), signal.SIGTERM)
     return 0
 
 

@@ -170,7 +170,7 @@ def rehearsed_transfer(declaration: Declaration, source: Source, bearer: Bearer)
         recordings = root / "recordings"
         _record(recordings, round(SHARES[source.priority] * bearer.rate.up_kbps * 125 * _SECONDS / WIRE))
         environment = _environment(root, recordings)
-        server = ssh.LoopbackSshd(_receiver(root, source.host), environment)
+        server = ssh.CommandServer(_receiver(root, source.host), environment)
         relay = Relay(socket.socket, server.address, buffer=_BUFFER)
         way = RelayWay(shapes=link_shapes(bearer))
         relay.set(way)

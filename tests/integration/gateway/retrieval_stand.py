@@ -119,7 +119,7 @@ class Ends:
         path = f"{FOLDER if self.robot is None else BAGS}/{name}"
         (self.robot or self.gateway).run(
             f"mkdir -p \"$(dirname '{path}')\" && head -c {size} /dev/urandom > '{path}' "
-            f"&& touch -d '-{age_s} seconds' '{path}'"
+            f"&& touch -d '{-age_s:+d} seconds' '{path}'"
         )
 
     def digests(self, machine: Machine, folder: str) -> dict[str, str]:

@@ -44,7 +44,7 @@ def test_a_robot_is_collected_first_and_what_it_gave_stays_when_it_goes(
     assert robot is not None
     made.record("dive 1/a.db3", 3 * MB)
     made.record("dive 1/metadata.yaml", 400)
-    made.record("dive 2/writing.db3", 1000, age_s=1)
+    made.record("dive 2/writing.db3", 1000, age_s=-900)
     look = made.ask("look", pattern="*", again=False)
     assert (look["robot"]["state"], look["robot"]["kind"]) == ("refused", "key"), look
 

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     import pytest
 
 _WITHOUT = {"adopt", "resume", "retrieve", "rollback", "survey"}
-"""Their rehearsals go over the technician's cable, repeat an earlier one, hear another link everywhere, or cut it."""
+"""Their rehearsals go over the technician's cable, repeat an earlier one, hear another link at every place, or start no
+emulated device: `retrieve` sends over the declared link alone."""
 
 
 def test_a_real_link_is_what_it_is(
