@@ -186,9 +186,8 @@ def _computer(bearer: Carrier, *, writes: bool) -> Estimate:
     Nothing to do: 26.5 kB up, 9.5 kB down and 44 s in 49 round trips, with a new connection and the role of a bundle.
     All to do: 81 kB up with a program of 53 kB, 45 kB down, 21 s of work on the spot; its round trips are inferred.
     Whether the computer has the program that runs our modules in the version of today nobody knows beforehand, so it is
-    always counted. The program of the far end of measured links, 12.4 kB packed in each run, was added afterwards by its
-    size. What it fetches by itself, packages and sources, comes on top: the modules that fetch it keep to the
-    cap.
+    always counted. The program of the far end of measured links, 12.4 kB packed in each run, was added afterwards by
+    its size. What it fetches by itself, packages and sources, comes on top: the modules that fetch it keep to the cap.
     """
     up, down = _WORK if writes else (_LOOK[0] + _TOOL, _LOOK[1])
     trips, work_s = (60, 25.0) if writes else (50, 3.0)
