@@ -14,7 +14,11 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, RosDistribution
 from atlantis_netcfg.gateway.dds import profile_views, profiles
 
-pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.namespace,
+    pytest.mark.skipif(os.geteuid() != 0, reason="making a network namespace needs root"),
+]
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 PROCESS = """

@@ -21,7 +21,11 @@ from atlantis_netcfg.gateway.base import gateway_base
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.namespace,
+    pytest.mark.skipif(os.geteuid() != 0, reason="making a network namespace needs root"),
+]
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 STATION, OTHER, GATEWAY, FAR = (f"w{name}{os.getpid()}" for name in ("st", "ot", "gw", "far"))

@@ -59,8 +59,8 @@ def read(**more: str | None) -> computer.ComputerFacts:
     return computer.read(GATEWAY, answers(**more), ("chrony", "gpsd", "odd", "none"), declared)
 
 
-def test_every_program_that_is_asked_is_on_the_closed_list() -> None:
-    packages, notes = computer.declared_packages(SHIPPED, GATEWAY, Request(state=Path("/nonexistent")))
+def test_every_program_that_is_asked_is_on_the_closed_list(tmp_path: Path) -> None:
+    packages, notes = computer.declared_packages(SHIPPED, GATEWAY, Request(state=tmp_path / "none"))
     assert "chrony" in packages
     # The shipped inventory has no key of ROS' archive.
     assert [note.partition(",")[0] for note in notes] == ["which packages `gateway_ros2` installs is not known"]
@@ -68,8 +68,8 @@ def test_every_program_that_is_asked_is_on_the_closed_list() -> None:
     assert [question.argv for _, question in asked if not allowed(question.argv)] == []
 
 
-def test_packages_of_the_server_are_those_that_its_role_installs() -> None:
-    found = computer.declared_packages(SHIPPED, SHIPPED.hosts["scc-vpn"], Request(state=Path("/nonexistent")))
+def test_packages_of_the_server_are_those_that_its_role_installs(tmp_path: Path) -> None:
+    found = computer.declared_packages(SHIPPED, SHIPPED.hosts["scc-vpn"], Request(state=tmp_path / "none"))
     assert found == (("conntrack", "nftables", "openssl", "openvpn", "python3"), ())
 
 
