@@ -121,6 +121,9 @@ class Robot:
             found = ROW.fullmatch(line)
             if found is None or found[1] != "-":
                 continue
+            if {"", ".", ".."} & set(found[4].split("/")):
+                # Its computer is not ours: by such a path this gateway's own files would be moved.
+                raise Refused(f"{self.name} names a file outside of its folder: {found[4]!r}")
             path = found[4] if ESCAPED.search(found[4]) is None else "\udcff" + found[4]
             when = calendar.timegm(time.strptime(found[3], "%Y/%m/%d %H:%M:%S"))
             rows.append([path, int(found[2]), when * 1_000_000_000])

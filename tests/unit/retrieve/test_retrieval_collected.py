@@ -34,6 +34,7 @@ class Rsync:
         self.robot, self.spoils = robot, 0
         self.fails: list[tuple[int, str]] = []
         self.calls: list[str] = []
+        self.lies: list[str] = []
 
     def run(self, words: list[str], *, input: bytes | None, **_: Any) -> Any:  # noqa: A002, ANN401 - as subprocess.run
         if self.fails:
@@ -64,6 +65,7 @@ class Rsync:
         lines = [
             "drwxr-xr-x          4,096 2026/11/26 05:57:43 .",
             "lrwxrwxrwx             10 2026/11/26 05:57:43 link",
+            *self.lies,
         ]
         for path in sorted(self.robot.rglob("*")):
             if path.is_file():
@@ -101,6 +103,18 @@ def test_its_files_are_listed_as_rsync_prints_them(rsync: Rsync, robot: Any) -> 
     assert len(listed) == 2, "no folder, no link"
     with pytest.raises(UnicodeEncodeError):
         next(row for row in listed if "odd" in row[0])[0].encode()
+
+
+@pytest.mark.parametrize("path", ["../../../etc/passwd", "bag/../../secret", "/etc/passwd", "bag//a", "./a"])
+def test_a_robot_that_names_files_outside_of_its_folder_gets_none_of_ours(
+    rsync: Rsync,
+    robot: Any,  # noqa: ANN401 - as above
+    path: str,
+) -> None:
+    record(rsync, "bag/a")
+    rsync.lies = [f"-rw-r--r--          3 2026/11/26 05:57:43 {path}"]
+    with pytest.raises(MODULE.Refused, match="sparus names a file outside of its folder"):
+        robot.list()
 
 
 def test_a_file_has_its_name_here_after_it_was_compared(rsync: Rsync, robot: Any) -> None:  # noqa: ANN401 - as above
