@@ -30,7 +30,7 @@ NO_COMMANDS = {
 }
 _MENU_TO_A_PERSON = re.compile(r"(/[a-z0-9 -]+): \S")
 _PUT_IN = re.compile(r"(?:/ )?X\b")
-_OF_A_COMPUTER = re.compile(r"/(dev|etc|media|opt|srv|sys|usr|var)/|/data$")
+_OF_A_COMPUTER = re.compile(r"/(dev|etc|home|media|opt|srv|sys|usr|var)/|/data$")
 """Paths of gateways and laptops; RouterOS has no menu of these names."""
 _OPEN_END = re.compile(r"/X$")
 
