@@ -34,7 +34,7 @@ OF_AN_ACCESS_POINT = {
 """Of a gateway that opens a network: test_own_access_point.py."""
 OF_A_MEASURED_LINK = {
     *("beyond-the-limit", "cut-short", "emulated", "never-measured", "not-proved", "not-readable", "of-the-future"),
-    *("other-kind", "other-link", "qualified", "stale", "way-not-proved"),
+    *("other-far-end", "other-kind", "other-link", "qualified", "stale", "way-not-proved"),
 }
 """Of links that were measured: test_own_link_qualified.py."""
 
