@@ -127,9 +127,7 @@ def _rehearse(arguments: Arguments) -> ExitCode:
         with_example,
     )
 
-    more = [f"`{name}=`" for name in ("files", "via", "order") if arguments.optional(name) is not None]
-    more += [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
-    if more:
+    if more := _typed(arguments, "files", "via", "order"):
         raise UsageError(
             f"`--rehearse` goes the whole way by itself: it takes no {' and no '.join(more)}", hint="leave that out"
         )
@@ -167,12 +165,16 @@ def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
 
     if order is None:
         return
-    more = [f"`{name}=`" for name in ("files", "link") if arguments.optional(name) is not None]
-    more += [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
-    if more:
+    if more := _typed(arguments, "files", "link"):
         raise UsageError(
             f"`{order}` is about a transfer that was begun: it takes no {' and no '.join(more)}", hint="leave that out"
         )
+
+
+def _typed(arguments: Arguments, *words: str) -> list[str]:
+    """Which of these words, and of the flags about how a transfer is begun, a person has typed."""
+    flags = [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
+    return [*(f"`{name}=`" for name in words if arguments.optional(name) is not None), *flags]
 
 
 def _nothing(opened: CommandSession, program: RetrievalProgram, look: dict[str, Any]) -> ExitCode:
