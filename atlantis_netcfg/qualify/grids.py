@@ -29,9 +29,9 @@ SHAPE_UNKNOWN: Final = (
 RTPS_OCTETS: Final = 72
 """What RTPS adds to a small sample: 60 to 80 octets were counted."""
 FEW: Final = "few messages"
+"""One is lost, and of so few that it is more than may be: neither a failure nor proof."""
 LEAST_PACKETS: Final = 10
 """Fewer of a train sustain no rate."""
-"""One is lost, and of so few that it is more than may be: neither a failure nor proof."""
 TELEMETRY_SIZES: Final = (32, 128, 512)
 TELEMETRY_RATES_HZ: Final = (1.0, 2.0, 4.0, 10.0)
 IMAGE_RATES_HZ: Final = (0.2, 1.0, 2.0, 5.0)

@@ -92,9 +92,10 @@ def emulated_link(
 
 @contextmanager
 def _reflector(folder: Path, key: bytes | None) -> Iterator[int]:
-    write_private(folder / "key", key or b"")
-    module = ["-P", "-m", "atlantis_netcfg.qualify.reflector"]
-    who = ["--unauthenticated"] if key is None else ["--key-file", str(folder / "key")]
+    module, who = ["-P", "-m", "atlantis_netcfg.qualify.reflector"], ["--unauthenticated"]
+    if key is not None:
+        write_private(folder / "key", key)
+        who = ["--key-file", str(folder / "key")]
     where = ["--address", "127.0.0.1", "--port", "0", *who]
     with subprocess.Popen(  # noqa: S603 - our own program
         [sys.executable, *module, *where], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True

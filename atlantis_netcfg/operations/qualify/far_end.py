@@ -9,21 +9,19 @@ from __future__ import annotations
 import socket
 from dataclasses import dataclass
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.declaration.model import ServerComputer, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import admits, allowed, far_end
 from atlantis_netcfg.qualify.measured_run import Selection
+from atlantis_netcfg.qualify.reflector.stamp import PORT
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.declaration.model import Bearer
-
-STAMP_PORT: Final = 862
-"""RFC 8762, 4.1."""
 
 
 class NothingToQualify(NothingMatched):
@@ -97,11 +95,11 @@ def _named(declaration: Declaration, text: str, *, over_vpn: bool) -> MeasuredFa
     """A reflector of others, by what a person types. Raises UsageError."""
     host, colon, number = text.partition(":")
     try:
-        address, port = IPv4Address(host), int(number) if colon else STAMP_PORT
+        address, port = IPv4Address(host), int(number) if colon else PORT
     except ValueError:
         address, port = IPv4Address(0), 0
     if address.is_unspecified or address.is_multicast or not 0 < port < 1 << 16:
-        raise UsageError(f"`far={text}` is no IPv4 address", hint=f"type it like `far=192.0.2.7:{STAMP_PORT}`")
+        raise UsageError(f"`far={text}` is no IPv4 address", hint=f"type it like `far=192.0.2.7:{PORT}`")
     if over_vpn and address not in declaration.pilot.vpn.network:
         raise UsageError(
             f"`far={text}` is no address in the VPN ({declaration.pilot.vpn.network})", hint="leave `over=vpn` out"
