@@ -3,17 +3,21 @@
 SHELL := /bin/sh
 SITE ?= coastal
 ARGS ?=
+SHARD ?=
+BASE ?=
 PART ?=
 BENCH_ARGS ?=
 # Four for two cores: many tests wait for an emulated link or for a computer that boots.
 WORKERS ?= $(shell expr "$$(nproc 2>/dev/null || echo 2)" "*" 2)
+# A file's tests share what they start, and are run by one worker; the dearest files come first (tests/conftest.py).
+PYTEST = python -P -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 # Programs of .venv first, for us and for the programs that they start.
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 # Container images like to set it; then each of the thousands of processes of a test run would compile our modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help rehearse test quick lint docs pictures campaign satcom test-arm64 bench clean
+.PHONY: help rehearse test test-full affected costs quick lint docs pictures campaign satcom test-arm64 bench clean
 
 help: ## list the targets
 	@echo "make TARGET, where TARGET is one of:"
@@ -22,10 +26,22 @@ help: ## list the targets
 rehearse: ## run a site against its emulated devices (SITE=coastal)
 	@./provision site=$(SITE) --rehearse --yes
 
-test: ## run the tests; installs what they need first (ARGS='-k words' chooses)
+test: ## run the tests that everyone runs, in ten minutes; installs what they need first (ARGS='-k words' chooses)
 	@tools/develop system
 	@tools/strangers
-	python -P -m pytest -n $(WORKERS) --dist worksteal -m "not campaign and not arm64" $(ARGS)
+	$(PYTEST) --tier test $(ARGS)
+
+test-full: ## run all tests; with SHARD=2/3 the second third of what `make test` leaves out
+	@tools/develop system
+	@tools/strangers
+	$(PYTEST) $(if $(SHARD),--shard $(SHARD),--tier test) --tier rest $(ARGS)
+
+affected: ## run the tests that import what has changed since main (BASE=REVISION)
+	@tools/develop
+	@.venv/bin/python -P tools/affected.py $(or $(BASE),main) $(ARGS)
+
+costs: ## run all tests and write tests/costs.tsv, what each file costs
+	@$(MAKE) test-full ARGS="--costs tests/costs.tsv"
 
 quick: ## run the quick tests of one part, in about a minute (PART=routeros; alone it lists the parts)
 	@tools/develop
@@ -47,7 +63,7 @@ pictures: ## make the pictures of docs/pictures again, from real runs
 campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system
 	@tools/strangers
-	python -P -m pytest -n auto --dist worksteal -m campaign --timeout 0 $(ARGS)
+	python -P -m pytest -n auto --dist worksteal --tier campaign --timeout 0 $(ARGS)
 
 satcom: ## the satellite tests of the report over an emulated link, as root (ARGS='--cell-s 60 --write'; --help)
 	@tools/develop system
@@ -56,7 +72,7 @@ satcom: ## the satellite tests of the report over an emulated link, as root (ARG
 test-arm64: ## boot a gateway's card on the gateways' processor, emulated; once per release, takes half an hour
 	@tools/develop system tests/system-packages-arm64.txt
 	@tools/arm64
-	python -P -m pytest -m arm64 --timeout 0 $(ARGS)
+	python -P -m pytest --tier arm64 --timeout 0 $(ARGS)
 
 bench: ## measure us and our peers on slow links, write docs/benchmarks.md (BENCH_ARGS='--only ours librouteros'; --help)
 	@tools/develop system

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import gc
 import ipaddress
-import itertools
 import os
 import signal
 import socket
-from enum import IntEnum
+from collections import defaultdict
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,33 +16,67 @@ import pytest
 from hypothesis import settings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator
+    from collections.abc import Callable, Generator, Mapping
 
 MARKERS = (
     "arm64: the processor of the gateways, emulated; `make test-arm64` runs it, once per release",
     "campaign: long tests that `make campaign` runs",
-    "slow: takes more than a few seconds; CI runs it as well",
+    "slow: takes more than a few seconds; `make test-full` runs it, and CI in one of its shards",
+    "smoke: a slow test that `make test` runs too: the one of its command or of its real counterpart",
     "namespace: runs in a network namespace of its own and may connect beyond loopback there",
 )
 MACHINES = ("machine", "gateway", "bundle", "vpn_machine")
 """Folders whose tests start real systemd hosts; a rehearsal in any other test goes without them."""
 SYSTEM_PROGRAMS = ("/usr/local/sbin", "/usr/sbin", "/sbin")
-_USUAL_S = 120
-"""What a test may take; those that may take longer are the longest."""
-_SLOW_S = 300
-"""A slow test may first wait until another worker has built the computer that both start: minutes on two busy cores."""
+COSTS = Path(__file__).with_name("costs.tsv")
+"""CPU seconds of the test files that cost most, measured by `make costs`: file, in `make test`, in the rest."""
+_UNLISTED_S = 0.2
+"""What a file costs that is not listed there, about."""
 ALLOWED_SKIPS = Path(__file__).with_name("allowed-skips.txt")
 
 
-class Length(IntEnum):
-    """How long the longest test of a file takes, by its marks."""
+class Tier(StrEnum):
+    """What runs when; each test is in exactly one."""
 
-    SHORT = 0
-    SLOW = 1
-    LONG = 2
+    TEST = "test"
+    """`make test`: everything that is quick, and each command and real counterpart once."""
+    REST = "rest"
+    """What `make test-full` adds. CI runs one shard of it, chosen by the commit."""
+    CAMPAIGN = "campaign"
+    """`make campaign`."""
+    ARM64 = "arm64"
+    """`make test-arm64`."""
+
+    @classmethod
+    def of(cls, test: pytest.Item) -> Tier:
+        """Read the tier off the marks of a test."""
+        marks = {mark.name for mark in test.iter_markers()}
+        for tier in (cls.ARM64, cls.CAMPAIGN):
+            if tier in marks:
+                return tier
+        return cls.REST if "slow" in marks and "smoke" not in marks else cls.TEST
+
+
+def file_costs() -> dict[str, dict[Tier, float]]:
+    """CPU seconds of each listed file, by tier; paths as they stand below the checkout."""
+    rows = [line.split("\t") for line in COSTS.read_text().splitlines()[1:]] if COSTS.exists() else []
+    return {path: {Tier.TEST: float(test), Tier.REST: float(rest)} for path, test, rest in rows}
+
+
+def share_out(costs: Mapping[str, float], shards: int) -> list[set[str]]:
+    """Share out files, the dearest first, each to the shard that has the least so far."""
+    shares: list[tuple[float, set[str]]] = [(0.0, set()) for _ in range(shards)]
+    for path in sorted(costs, key=lambda path: (-costs[path], path)):
+        number = min(range(shards), key=lambda number: shares[number][0])
+        cost, paths = shares[number]
+        shares[number] = (cost + costs[path], paths | {path})
+    return [paths for _, paths in shares]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--tier", action="append", type=Tier, choices=[*Tier], help="run the tests of this tier only")
+    parser.addoption("--shard", default="1/1", help="of the tier `rest` run shard K of N only: K/N")
+    parser.addoption("--costs", type=Path, help="write the CPU seconds of each test file to this file")
     parser.addoption("--fault-seeds", default="0:40", help="seeds of the campaign of faults: FIRST:END or a,b,c")
     parser.addoption(
         "--fault-records", type=Path, help="file to which the campaign of faults adds a line for each seed"
@@ -57,6 +91,8 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["PATH"] = os.pathsep.join(dict.fromkeys([*os.environ["PATH"].split(os.pathsep), *SYSTEM_PROGRAMS]))
     for marker in MARKERS:
         config.addinivalue_line("markers", marker)
+    if (path := config.getoption("--costs")) is not None:
+        config.pluginmanager.register(Costs(path))
     # How long an example takes is a matter of what else the machine does: no property of ours is about that.
     settings.register_profile("house", settings.default, deadline=None)
     settings.load_profile("house")
@@ -75,41 +111,61 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    _deal(config, items)
-    for test in items:
-        if test.get_closest_marker("slow") is not None and test.get_closest_marker("timeout") is None:
-            test.add_marker(pytest.mark.timeout(_SLOW_S))
+    """Keep the requested tiers; put the dearest files first, so that none of them begins last."""
+    tiers = config.getoption("--tier")
+    costs = file_costs()
+
+    def cost(path: str, *of: Tier) -> float:
+        listed = costs.get(path, {})
+        return max(_UNLISTED_S, sum(listed.get(tier, 0.0) for tier in of))
+
+    if tiers:
+        tier_of = {test: Tier.of(test) for test in items}
+        rest = {_file(test): cost(_file(test), Tier.REST) for test, tier in tier_of.items() if tier is Tier.REST}
+        number, _, shards = config.getoption("--shard").partition("/")
+        shard = share_out(rest, int(shards))[int(number) - 1]
+        kept = [
+            test for test, tier in tier_of.items() if tier in tiers and (tier is not Tier.REST or _file(test) in shard)
+        ]
+        config.hook.pytest_deselected(items=[*(tier_of.keys() - set(kept))])
+        items[:] = kept
+    items.sort(key=lambda test: (-cost(_file(test), *(tiers or ())), _file(test)))
 
 
-def _deal(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deal the files to the workers so that nobody waits for a long test that began last.
-
-    A worker takes its share from the front, and one that has nothing left takes from the end of another's share
-    (`--dist worksteal`): the short tests stand there. One worker begins with the longest tests, and builds the computer
-    that many of them start; the others come to theirs when it is built.
-    """
-    workers: int = getattr(config, "workerinput", {}).get("workercount", 1)
-    if workers == 1:
-        return
-    kinds: dict[Length, list[list[pytest.Item]]] = {length: [] for length in Length}
-    for _, file in itertools.groupby(items, key=lambda item: item.path):
-        tests = [*file]
-        kinds[max(map(_length, tests))].append(tests)
-    short = [test for file in kinds[Length.SHORT] for test in file]
-    dealt: list[pytest.Item] = []
-    for number in range(workers):
-        order = (Length.LONG, Length.SLOW) if number == 0 else (Length.SLOW, Length.LONG)
-        share = [test for length in order for file in kinds[length][number::workers] for test in file]
-        missing = max(0, len(items) * (number + 1) // workers - len(dealt) - len(share))
-        dealt += [*share, *short[:missing]]
-        del short[:missing]
-    items[:] = [*dealt, *short]
+def _file(test: pytest.Item) -> str:
+    return test.nodeid.partition("::")[0]
 
 
-def _length(test: pytest.Item) -> Length:
-    if (timeout := test.get_closest_marker("timeout")) is not None and timeout.args[0] > _USUAL_S:
-        return Length.LONG
-    return Length.SHORT if test.get_closest_marker("slow") is None else Length.SLOW
+class Costs:
+    """The CPU seconds of each test file: of the worker, and of the programs that it has waited for."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.last = os.times()
+        self.sums: defaultdict[str, defaultdict[str, float]] = defaultdict(lambda: defaultdict(float))
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_logstart(self) -> None:
+        self.last = os.times()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self, item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        report = yield
+        before, self.last = self.last, os.times()
+        report.user_properties.append((f"cpu-{Tier.of(item)}", sum(self.last[:4]) - sum(before[:4])))
+        return report
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        for name, seconds in report.user_properties:
+            if name.startswith("cpu-"):
+                self.sums[report.nodeid.partition("::")[0]][name.removeprefix("cpu-")] += float(str(seconds))
+
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        if hasattr(session.config, "workerinput"):
+            return
+        dearest = {path: sums for path, sums in self.sums.items() if sum(sums.values()) > 1}
+        lines = [f"{path}\t{sums[Tier.TEST]:.1f}\t{sums[Tier.REST]:.1f}" for path, sums in sorted(dearest.items())]
+        self.path.write_text("\n".join(["file\ttest\trest", *lines, ""]))
 
 
 def allowed_skips() -> frozenset[str]:

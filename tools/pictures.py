@@ -65,7 +65,7 @@ def provision(state: str, *words: str, stdout: int = subprocess.PIPE) -> subproc
         "TERM": "xterm-256color",
     }
     command = [sys.executable, "-P", "-m", "atlantis_netcfg", *words]
-    return subprocess.Popen(  # noqa: S603 - our own words
+    return subprocess.Popen(
         command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=stdout, stderr=subprocess.DEVNULL
     )
 
@@ -142,7 +142,7 @@ def checklist(folder: Path) -> None:
         words = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-background-networking"]
         size = f"--window-size={PAGE[0]},{PAGE[1]}"
         command = ["chromium", *words, f"--user-data-dir={state}/profile", size, f"--screenshot={photo}", page.as_uri()]
-        subprocess.run(command, capture_output=True, check=True)  # noqa: S603 - our own words
+        subprocess.run(command, capture_output=True, check=True)
         with Image.open(photo) as image:
             image.convert("RGB").quantize(COLOURS).save(folder / "checklist.png", optimize=True)
 

@@ -1,0 +1,98 @@
+"""Every test is in exactly one tier, every tier is run by a target of the Makefile, and the shards miss nothing."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+ROOT = Path(__file__).parents[3]
+CONFTEST = ROOT / "tests" / "conftest.py"
+TEST_CPU_S = 1_000
+"""What `make test` may cost: ten minutes on two cores, with a sixth left for collection and for other load."""
+SUITE = """
+import pytest
+def test_quick(): pass
+@pytest.mark.slow
+def test_slow(): pass
+@pytest.mark.slow
+@pytest.mark.smoke
+def test_smoke(): pass
+@pytest.mark.slow
+@pytest.mark.campaign
+def test_campaign(): pass
+@pytest.mark.slow
+@pytest.mark.parametrize("card", [pytest.param(1, marks=pytest.mark.arm64)])
+def test_arm64(card): pass
+"""
+
+
+@pytest.fixture
+def rules(pytestconfig: pytest.Config) -> Any:  # noqa: ANN401 - a conftest is no module that can be imported
+    (found,) = [
+        plugin
+        for plugin in pytestconfig.pluginmanager.get_plugins()
+        if isinstance(plugin, ModuleType) and Path(plugin.__file__ or "") == CONFTEST
+    ]
+    return found
+
+
+def test_every_combination_of_marks_has_a_tier(rules: Any) -> None:  # noqa: ANN401
+    names = [text.partition(":")[0] for text in rules.MARKERS]
+    for count in range(len(names) + 1):
+        for marks in itertools.combinations(names, count):
+            test = SimpleNamespace(iter_markers=lambda marks=marks: [SimpleNamespace(name=name) for name in marks])
+            tier = rules.Tier.of(test)
+            assert tier == ("test" if not {"slow", "campaign", "arm64"} & set(marks) else tier)
+            assert (tier == "rest") == ({"slow", "smoke", "campaign", "arm64"} & set(marks) == {"slow"})
+
+
+def test_the_makefile_runs_each_tier_and_ci_runs_what_is_not_a_campaign(rules: Any) -> None:  # noqa: ANN401
+    makefile = (ROOT / "Makefile").read_text()
+    assert set(re.findall(r"--tier (\w+)", makefile)) == set(rules.Tier)
+    assert re.findall(r"^ *make (test.*?) ", (ROOT / ".ci" / "run").read_text(), re.MULTILINE) == ["test", "test-full"]
+
+
+@pytest.mark.parametrize("shards", [1, 2, 3, 7])
+def test_the_shards_hold_each_file_once_and_cost_about_the_same(rules: Any, shards: int) -> None:  # noqa: ANN401
+    costs = {f"test_{number}.py": float(number % 11) for number in range(60)}
+    shares = rules.share_out(costs, shards)
+    assert sorted(path for share in shares for path in share) == sorted(costs)
+    sums = [sum(costs[path] for path in share) for share in shares]
+    assert max(sums) - min(sums) <= max(costs.values())
+
+
+def test_each_test_runs_in_one_tier_and_one_shard(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("PYTEST_ADDOPTS", "PYTEST_XDIST_WORKER", "PYTEST_XDIST_WORKER_COUNT"):
+        monkeypatch.delenv(name, raising=False)
+    pytester.makeconftest(CONFTEST.read_text())
+    pytester.makepyfile(**{f"test_{number}": SUITE for number in range(5)})
+
+    def run(*options: str) -> list[str]:
+        result = pytester.runpytest_inprocess("-p", "no:cacheprovider", "-v", *options)
+        return re.findall(r"^(\S+::\S+) PASSED", result.stdout.str(), re.MULTILINE)
+
+    tiers = {tier: run("--tier", tier) for tier in ("test", "rest", "campaign", "arm64")}
+    names = {tier: {name.partition("::")[2].partition("[")[0] for name in tests} for tier, tests in tiers.items()}
+    assert names == {
+        "test": {"test_quick", "test_smoke"},
+        "rest": {"test_slow"},
+        "campaign": {"test_campaign"},
+        "arm64": {"test_arm64"},
+    }
+    assert sorted(itertools.chain(*tiers.values())) == sorted(run())
+    shards = [run("--tier", "rest", "--shard", f"{number}/3") for number in (1, 2, 3)]
+    assert all(shards)
+    assert sorted(itertools.chain(*shards)) == sorted(tiers["rest"])
+
+
+def test_the_table_of_costs_names_files_and_make_test_stays_within_its_budget(rules: Any) -> None:  # noqa: ANN401
+    costs = rules.file_costs()
+    assert [path for path in costs if not (ROOT / path).is_file()] == []
+    assert sum(tiers[rules.Tier.TEST] for tiers in costs.values()) <= TEST_CPU_S
