@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from debian_trees import GATEWAY
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
-from atlantis_netcfg.operations.computers._emulation import tree_spec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.lab import Lab, Machine
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
-SPEC = tree_spec(SHIPPED)
-"""That of a rehearsal of the shipped inventory, so that one tree is built for both."""
 FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"
 """A container may not set the clock of this computer: chrony runs all the same then, and leaves the clock alone."""
 NETWORK, ROUTER = "10.64.1.", "10.64.1.1"
@@ -37,7 +35,7 @@ _FIRST = 10
 
 def gateway_tree() -> Path:
     """The tree of all these tests, in the user's cache: built once, in about 90 s."""
-    return build_rootfs(SPEC)
+    return build_rootfs(GATEWAY)
 
 
 @dataclass(frozen=True)

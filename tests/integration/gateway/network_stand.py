@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from debian_trees import NETWORK
 from gateway_stand import ROUTER, Key
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import ComputerNetwork, Gateway, NetworkTool
-from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, open_lab, why_not
+from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
 from atlantis_netcfg.gateway.parts import computer_network
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Machine
 
-SPEC = TreeSpec(packages=("ifupdown", "netplan.io"))
 ROOT = Path(__file__).resolve().parents[3]
 NAME = "coastal-gateway"
 PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))
@@ -112,7 +112,12 @@ def network_stand(tmp_path: Path, technician: Key) -> Iterator[NetworkStand]:
         pytest.skip(reason)
     with open_lab(tmp_path / "yard") as made:
         gateway = made.start(
-            NAME, build_rootfs(SPEC), address="10.64.1.10/24", gateway=ROUTER, keys=(technician.public,), spare="eth1"
+            NAME,
+            build_rootfs(NETWORK),
+            address="10.64.1.10/24",
+            gateway=ROUTER,
+            keys=(technician.public,),
+            spare="eth1",
         )
         gateway.put("/usr/local/sbin/udevadm", NO_UDEV, mode="0755")
         yield NetworkStand(gateway, technician, tmp_path)

@@ -9,12 +9,13 @@ import hashlib
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from debian_trees import CONTAINERS
 from gateway_role import Stand
-from gateway_stand import FREE_CLOCK, ROUTER, SPEC, ground, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, ROUTER, ground, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs
+from atlantis_netcfg.emulator.lab import build_rootfs
 from atlantis_netcfg.emulator.lab.stubs import PODMAN_IN_A_MACHINE, service_image
-from atlantis_netcfg.gateway.containers import IMAGES, PACKAGES
+from atlantis_netcfg.gateway.containers import IMAGES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,7 +31,7 @@ FOLDER = "/etc/atlantis/containers"
 
 def with_podman() -> Path:
     """The tree of the other tests, and podman."""
-    return build_rootfs(TreeSpec(packages=tuple(sorted({*SPEC.packages, *PACKAGES}))))
+    return build_rootfs(CONTAINERS)
 
 
 def archive(port: int) -> tuple[bytes, str]:

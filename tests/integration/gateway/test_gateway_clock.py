@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 import pytest
+from debian_trees import CLOCK
 from gateway_role import NAME, Stand
 from gateway_stand import technician  # noqa: F401 - a fixture
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(3600)]
 
-SPEC = TreeSpec(packages=("chrony", "fake-hwclock", "linux-image-cloud-amd64", "locales", "nftables", "wpasupplicant"))
 LAN = "[Match]\nName=en* eth*\n[Network]\nAddress=10.64.1.10/24\nGateway=10.64.1.1\n"
 WANTS = "etc/systemd/system/multi-user.target.wants"
 OPTIONS = ("-accel", "tcg", "-m", "768", "-smp", "2", "-nographic", "-no-reboot")
@@ -54,7 +54,7 @@ class Guest:
         return subprocess.run([*to, command], check=check, capture_output=True, text=True)
 
 
-def card(folder: Path, key: Key, spec: TreeSpec = SPEC) -> tuple[Path, str]:
+def card(folder: Path, key: Key, spec: TreeSpec = CLOCK) -> tuple[Path, str]:
     """The disk of a board, and its host key."""
     root = folder / "root"
     subprocess.run(["cp", "-a", build_rootfs(spec), root], check=True)

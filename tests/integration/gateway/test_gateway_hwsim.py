@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from debian_trees import RADIOS
 from gateway_role import NAME
 from gateway_stand import technician  # noqa: F401 - a fixture
 from test_gateway_clock import Guest, booted, card
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.lab import TreeSpec, why_not
+from atlantis_netcfg.emulator.lab import why_not
 from atlantis_netcfg.gateway.base import gateway_base
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(3600)]
 
-SPEC = TreeSpec(packages=("hostapd", "iputils-ping", "iw", "linux-image-amd64", "wpasupplicant"))
 SHIPPED = Path(__file__).parents[3] / "inventory"
 KEY = "EXAMPLE-of-this-test"
 ACCESS_POINT = """\
@@ -63,7 +63,7 @@ def guest(technician: Key, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     if (reason := why_not()) is not None:
         pytest.skip(reason)
     folder = tmp_path_factory.mktemp("guest")
-    disk, host_key = card(folder, technician, SPEC)
+    disk, host_key = card(folder, technician, RADIOS)
     with booted(folder, disk, host_key, technician) as made:
         made.run("systemctl mask --now hostapd wpa_supplicant; modprobe mac80211_hwsim radios=3; udevadm settle")
         for number in range(3):

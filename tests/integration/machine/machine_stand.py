@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import paramiko
 import pytest
+from debian_trees import BARE
 
-from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, open_lab, why_not
+from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,7 +27,7 @@ def bare() -> Path:
     """The smallest tree, in the user's cache."""
     if (reason := why_not()) is not None:
         pytest.skip(reason)
-    return build_rootfs(TreeSpec())
+    return build_rootfs(BARE)
 
 
 @pytest.fixture

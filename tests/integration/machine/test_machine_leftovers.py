@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from debian_trees import BARE
 from machine_stand import ADDRESS, ROUTER, bare, gateway, ground, key, left
 
-from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, open_lab
+from atlantis_netcfg.emulator.lab import build_rootfs, open_lab
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -134,7 +135,7 @@ def test_a_killed_build_is_thrown_away_but_not_what_is_mounted_in_it(
     bare: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert bare.is_dir()  # machines run here
-    half, ours = tmp_path / "a cache" / f"{TreeSpec().key()}.half", tmp_path / "ours"
+    half, ours = tmp_path / "a cache" / f"{BARE.key()}.half", tmp_path / "ours"
     (half / "proc").mkdir(parents=True)
     ours.mkdir()
     (ours / "kept").write_text("kept\n")
@@ -142,7 +143,7 @@ def test_a_killed_build_is_thrown_away_but_not_what_is_mounted_in_it(
     (tmp_path / "mmdebstrap").write_text(f"#!/bin/sh\nmkdir '{half}'\n")
     (tmp_path / "mmdebstrap").chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    made = build_rootfs(TreeSpec(), tmp_path / "a cache")
+    made = build_rootfs(BARE, tmp_path / "a cache")
     assert list(made.iterdir()) == []
     assert (ours / "kept").read_text() == "kept\n"
     assert str(ours) not in Path("/proc/self/mountinfo").read_text()

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from debian_trees import GATEWAY
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
 from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, join
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.operations.computers._emulation import tree_spec
 from atlantis_netcfg.operations.vpn.members import server_names
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
@@ -337,7 +337,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
         ground = stack.enter_context(open_lab(folder / "yard"))
         machine = ground.start(
             NAME,
-            build_rootfs(tree_spec(load(ROOT / "inventory"))),
+            build_rootfs(GATEWAY),
             address=f"{ADDRESS}/24",
             gateway=ROUTER,
             keys=(public,),

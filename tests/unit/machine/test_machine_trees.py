@@ -6,16 +6,14 @@ import fcntl
 import os
 import threading
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+import debian_trees
 import pytest
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.emulator.lab import MachineFailed, TreeSpec, build_rootfs, rootfs
 from atlantis_netcfg.emulator.lab.rootfs import KEPT_DAYS, in_use
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 BUILT = """\
 #!/bin/sh
@@ -202,3 +200,19 @@ def test_what_a_killed_build_of_another_tree_has_left_is_removed(tmp_path: Path)
     (tmp_path / f"{OTHER.key()}.half" / "etc").mkdir(parents=True)
     build_rootfs(TreeSpec(), tmp_path)
     assert list(tmp_path.glob("*.half")) == []
+
+
+def test_trees_of_the_tests_stand_in_one_list_and_each_is_built_before_them() -> None:
+    tests = Path(__file__).parents[2]
+    elsewhere = [path.name for path in (tests / "integration").rglob("*.py") if "TreeSpec(" in path.read_text()]
+    specs = {spec for spec in vars(debian_trees).values() if isinstance(spec, TreeSpec)}
+    assert elsewhere == []
+    assert specs == {*debian_trees.TREES, *debian_trees.CAMPAIGN}
+
+
+def test_the_builder_says_why_no_tree_is_needed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ATLANTIS_NO_MACHINES", "test")
+    assert debian_trees.main([]) == 0
+    assert capsys.readouterr().out == "      tests of machines are skipped: ATLANTIS_NO_MACHINES is set\n"

@@ -1,0 +1,45 @@
+"""The Debian trees that tests start machines from; `tools/trees [campaign]` builds them before the tests do."""
+
+from __future__ import annotations
+
+import os
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.lab import MachineFailed, TreeSpec, build_rootfs, why_not
+from atlantis_netcfg.gateway.containers import PACKAGES
+from atlantis_netcfg.operations.computers._emulation import tree_spec
+
+BARE = TreeSpec()
+GATEWAY = tree_spec(load(Path(__file__).parents[1] / "inventory"))
+"""That of a rehearsal of the shipped inventory, so that one tree is built for both."""
+CONTAINERS = TreeSpec(packages=tuple(sorted({*GATEWAY.packages, *PACKAGES})))
+NETWORK = TreeSpec(packages=("ifupdown", "netplan.io"))
+CLOCK = TreeSpec(packages=("chrony", "fake-hwclock", "linux-image-cloud-amd64", "locales", "nftables", "wpasupplicant"))
+RADIOS = TreeSpec(packages=("hostapd", "iputils-ping", "iw", "linux-image-amd64", "wpasupplicant"))
+TREES = (CONTAINERS, GATEWAY, NETWORK, BARE)
+CAMPAIGN = (CLOCK, RADIOS)
+"""Trees of the campaign alone: whole computers with a kernel."""
+
+
+def main(words: list[str]) -> int:
+    """Build the trees that are missing; say in one line why machines cannot run here, which is no failure."""
+    if words not in ([], ["campaign"]):
+        sys.stderr.write(f"error: unknown argument `{' '.join(words)}`; type: tools/trees [campaign]\n")
+        return 3
+    if (reason := why_not()) is not None:
+        sys.stdout.write(f"      tests of machines are skipped: {reason}\n")
+        return 0
+    try:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(build_rootfs, (*TREES, *(CAMPAIGN if words else ()))))
+    except MachineFailed as error:
+        sys.stderr.write(f"error: {error}\n       {error.hint}\n")
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
