@@ -4,6 +4,8 @@ SHELL := /bin/sh
 SITE ?= coastal
 ARGS ?=
 PART ?=
+N ?= 60
+SEED ?= 1
 BENCH_ARGS ?=
 # Four for two cores: many tests wait for an emulated link or for a computer that boots.
 WORKERS ?= $(shell expr "$$(nproc 2>/dev/null || echo 2)" "*" 2)
@@ -13,7 +15,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 # Container images like to set it; then each of the thousands of processes of a test run would compile our modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help rehearse test quick lint docs pictures campaign satcom test-arm64 bench clean
+.PHONY: help rehearse test quick mutants lint docs pictures campaign satcom test-arm64 bench clean
 
 help: ## list the targets
 	@echo "make TARGET, where TARGET is one of:"
@@ -30,6 +32,10 @@ test: ## run the tests; installs what they need first (ARGS='-k words' chooses)
 quick: ## run the quick tests of one part, in about a minute (PART=routeros; alone it lists the parts)
 	@tools/develop
 	@tools/quick $(PART) $(ARGS)
+
+mutants: ## change a part's code at random places and show what no quick test notices (PART=vpn N=60 SEED=1)
+	@tools/develop
+	@python tools/mutants.py $(PART) $(N) $(SEED)
 
 lint: ## check code, types, playbooks, roles and pages; no warning is accepted
 	@tools/develop
