@@ -6,6 +6,8 @@ ARGS ?=
 SHARD ?=
 BASE ?=
 PART ?=
+N ?= 60
+SEED ?= 1
 BENCH_ARGS ?=
 # Four for two cores: many tests wait for an emulated link or for a computer that boots.
 WORKERS ?= $(shell expr "$$(nproc 2>/dev/null || echo 2)" "*" 2)
@@ -17,7 +19,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 # Container images like to set it; then each of the thousands of processes of a test run would compile our modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help rehearse test test-full affected costs quick lint docs pictures campaign satcom test-arm64 bench clean
+.PHONY: help rehearse test test-full affected costs quick mutants lint docs pictures campaign satcom test-arm64 bench clean
 
 help: ## list the targets
 	@echo "make TARGET, where TARGET is one of:"
@@ -29,11 +31,13 @@ rehearse: ## run a site against its emulated devices (SITE=coastal)
 test: ## run the tests that everyone runs, in ten minutes; installs what they need first (ARGS='-k words' chooses)
 	@tools/develop system
 	@tools/strangers
+	@tools/trees
 	$(PYTEST) --tier test $(ARGS)
 
 test-full: ## run all tests; with SHARD=2/3 the second third of what `make test` leaves out
 	@tools/develop system
 	@tools/strangers
+	@tools/trees
 	$(PYTEST) $(if $(SHARD),--shard $(SHARD),--tier test) --tier rest $(ARGS)
 
 affected: ## run the tests that import what has changed since main (BASE=REVISION)
@@ -46,6 +50,10 @@ costs: ## run all tests and write tests/costs.tsv, what each file costs
 quick: ## run the quick tests of one part, in about a minute (PART=routeros; alone it lists the parts)
 	@tools/develop
 	@tools/quick $(PART) $(ARGS)
+
+mutants: ## change a part's code at random places and show what no quick test notices (PART=vpn N=60 SEED=1)
+	@tools/develop
+	@python tools/mutants.py $(PART) $(N) $(SEED)
 
 lint: ## check code, types, playbooks, roles and pages; no warning is accepted
 	@tools/develop
@@ -63,6 +71,7 @@ pictures: ## make the pictures of docs/pictures again, from real runs
 campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system
 	@tools/strangers
+	@tools/trees campaign
 	python -P -m pytest -n auto --dist worksteal --tier campaign --timeout 0 $(ARGS)
 
 satcom: ## the satellite tests of the report over an emulated link, as root (ARGS='--cell-s 60 --write'; --help)
