@@ -543,7 +543,7 @@ class Parser:
             word = self.text.match(_SEGMENT)
             if word is None:
                 return MenuCommand(menu, "", place=place, line=line)
-            word = self._whole(word, schema.submenus(menu) | schema.commands(menu))
+            word = self._whole(word, schema.words(menu))
             below = f"{menu.rstrip('/')}/{word}"
             if schema.has_menu(below):
                 menu = below
