@@ -169,7 +169,7 @@ class Core:
         """Gateways that `check-gateway` has given up."""
         self.watched = WatchedHost()
         self.boot_clock = spec.clock
-        self.parsed: dict[str, list[Any]] = {}
+        self.script_cache: dict[str, list[Any]] = {}
         """Statements of the scripts that ran (`console.run`): a watched host runs its script at each test."""
         self._topology: Topology | None = None
         self._numbers = 0

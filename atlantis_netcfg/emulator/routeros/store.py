@@ -140,12 +140,12 @@ class StoredItem:
     factory: dict[str, str] | None = None
     """What the row held when the router left the factory; None: somebody added it."""
     dynamic: bool = False
-    shown: ShownRow | None = None
+    print_cache: PrintedRow | None = None
     """How it was printed last."""
 
 
 @dataclass(frozen=True, slots=True)
-class ShownRow:
+class PrintedRow:
     """The arguments of a row as the API prints them, for as long as `values` is the content of the row."""
 
     values: dict[str, str]

@@ -14,7 +14,7 @@ from atlantis_netcfg.emulator.routeros.certificates import expires_after, known
 from atlantis_netcfg.emulator.routeros.environment import alert, lease, ntp, tunnel_addresses
 from atlantis_netcfg.emulator.routeros.menus import Arg, Shape
 from atlantis_netcfg.emulator.routeros.modem import made
-from atlantis_netcfg.emulator.routeros.store import ShownRow
+from atlantis_netcfg.emulator.routeros.store import PrintedRow
 from atlantis_netcfg.emulator.routeros.values import id_text, interval, references, spell
 
 if TYPE_CHECKING:
@@ -315,21 +315,21 @@ def factory_value(item: StoredItem, arg: Arg) -> str | None:
     return (item.factory or {}).get(arg.name, arg.default)
 
 
-def _shown(store: RowStore, table: Table, item: StoredItem) -> ShownRow:
+def _printed_row(store: RowStore, table: Table, item: StoredItem) -> PrintedRow:
     """Return every argument that a row has; kept until the content of the row is replaced."""
-    if item.shown is None or item.shown.values is not item.values:
+    if item.print_cache is None or item.print_cache.values is not item.values:
         args = [arg for arg in table.args.values() if not arg.never and applies(store, table, item, arg)]
         stored = {arg.name: item.values.get(arg.name, arg.default) for arg in args}
         row = {arg.name: arg.kind.show(value) for arg in args if (value := stored[arg.name]) is not None}
         referring = tuple(arg for arg in args if any(references(stored[arg.name] or "")))
         secrets = tuple(arg.name for arg in args if arg.secret and stored[arg.name])
-        item.shown = ShownRow(item.values, row, referring, secrets)
-    return item.shown
+        item.print_cache = PrintedRow(item.values, row, referring, secrets)
+    return item.print_cache
 
 
 def item_row(core: Core, path: str, table: Table, item: StoredItem, *, sensitive: bool) -> dict[str, str]:
     """Return one row as the API prints it, counters included."""
-    shown = _shown(core.store, table, item)
+    shown = _printed_row(core.store, table, item)
     row: dict[str, str] = {} if table.menu.shape is Shape.SETTINGS else {".id": id_text(item.id)}
     row.update(shown.row)
     for arg in shown.references:

@@ -79,13 +79,13 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
     """Parse all of it, then run it; `variables` are what the script may read as `$name`."""
     outcome = ScriptOutcome()
     try:
-        statements = core.parsed.get(script) or list(Parser(core, TextPart(script)).statements())
+        statements = core.script_cache.get(script) or list(Parser(core, TextPart(script)).statements())
     except ConsoleError as error:
         outcome.error = str(error)
         return outcome
-    if len(core.parsed) >= _PARSED_SCRIPTS:
-        core.parsed.clear()
-    core.parsed[script] = statements
+    if len(core.script_cache) >= _PARSED_SCRIPTS:
+        core.script_cache.clear()
+    core.script_cache[script] = statements
     runner = _run(core, caller, statements, outcome, variables=variables)
     if outcome.error is not None and runner.failed is not None:
         outcome.returned = _placed(core, outcome.error, runner.failed)
