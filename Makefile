@@ -72,7 +72,7 @@ campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system
 	@tools/strangers
 	@tools/trees campaign
-	python -P -m pytest -n auto --dist worksteal --tier campaign --timeout 0 $(ARGS)
+	HYPOTHESIS_PROFILE=full python -P -m pytest -n auto --dist worksteal --tier campaign --timeout 0 $(ARGS)
 
 satcom: ## the satellite tests of the report over an emulated link, as root (ARGS='--cell-s 60 --write'; --help)
 	@tools/develop system

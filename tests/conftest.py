@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import is_hypothesis_test, settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Mapping
@@ -94,8 +94,15 @@ def pytest_configure(config: pytest.Config) -> None:
     if (path := config.getoption("--costs")) is not None:
         config.pluginmanager.register(Costs(path))
     # How long an example takes is a matter of what else the machine does: no property of ours is about that.
-    settings.register_profile("house", settings.default, deadline=None)
-    settings.load_profile("house")
+    settings.register_profile("house", settings.default, deadline=None, max_examples=25)
+    settings.register_profile("full", settings.default, deadline=None)
+    settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "house"))
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """With HYPOTHESIS_PROFILE=full, as `make campaign` has it, the tests of properties are part of the campaign."""
+    if settings.get_current_profile_name() == "full" and is_hypothesis_test(getattr(item, "obj", None)):
+        item.add_marker("campaign")
 
 
 @pytest.hookimpl(wrapper=True)

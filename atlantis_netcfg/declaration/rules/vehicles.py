@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from importlib import resources
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import yaml
@@ -15,7 +17,7 @@ from atlantis_netcfg.declaration.findings import Finding, meant
 from atlantis_netcfg.declaration.model import Column, Guest, Model, TelemetryData, Vehicle, VehicleKind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
 
 class VehicleRow(Model):
@@ -26,11 +28,12 @@ class VehicleRow(Model):
     table3: frozenset[Column]
 
 
-def table3() -> dict[str, VehicleRow]:
+@cache
+def table3() -> Mapping[str, VehicleRow]:
     """The report's table by its names, in its order."""
     text = resources.files("atlantis_netcfg.declaration").joinpath("data", "table3.yml").read_text(encoding="utf-8")
     rows = TypeAdapter(list[VehicleRow]).validate_python(yaml.safe_load(text))
-    return {row.name: row for row in rows}
+    return MappingProxyType({row.name: row for row in rows})
 
 
 def names(draft: Draft) -> Iterator[Finding]:
@@ -148,7 +151,7 @@ def _listed(some: Iterable[Column]) -> str:
     return ", ".join(column for column in Column if column in desired)
 
 
-def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: dict[str, VehicleRow]) -> Iterator[Finding]:
+def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: Mapping[str, VehicleRow]) -> Iterator[Finding]:
     if vehicle.table3_deviation is None:
         near = nearest(vehicle.name, table)
         hint = (

@@ -279,7 +279,7 @@ def _adopt(core: Core) -> None:
         store.insert("/ip/address", values)
     for item in service.items:
         if store.text(service, item, "name") == "api-ssl" and core.spec.certificates:
-            item.values["certificate"] = store.refer("certificate", core.spec.certificates[0])
+            item.values = item.values | {"certificate": store.refer("certificate", core.spec.certificates[0])}
     _seed(core, core.spec.seed)
 
 

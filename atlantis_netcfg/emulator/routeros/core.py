@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.emulator.routeros.network.topology import Topology
 from atlantis_netcfg.emulator.routeros.schema import Schema, features_of
@@ -169,6 +169,8 @@ class Core:
         """Gateways that `check-gateway` has given up."""
         self.watched = WatchedHost()
         self.boot_clock = spec.clock
+        self.script_cache: dict[str, list[Any]] = {}
+        """Statements of the scripts that ran (`console.run`): a watched host runs its script at each test."""
         self._topology: Topology | None = None
         self._numbers = 0
 

@@ -337,10 +337,11 @@ class Schema:
 
     def submenus(self, menu: str) -> frozenset[str]:
         """Return the names of the menus directly below `menu`."""
-        prefix = menu.rstrip("/") + "/"
-        names = {name for name, child in self._children(menu) if child["_type"] in _MENU_TYPES}
-        names.update(path.removeprefix(prefix).split("/")[0] for path in _words(self).added if path.startswith(prefix))
-        return frozenset(name for name in names if self.has_menu(prefix + name))
+        return _submenus(self, menu)
+
+    def words(self, menu: str) -> frozenset[str]:
+        """Return every menu and command word of `menu`."""
+        return _menu_words(self, menu)
 
     def _children(self, menu: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
         for name, child in (self._node(menu) or {}).items():
@@ -412,6 +413,19 @@ def _has_menu(schema: Schema, menu: str) -> bool:
         return False
     node = schema._node(menu)  # noqa: SLF001
     return (node is not None and node["_type"] in _MENU_TYPES) or menu in words.added
+
+
+@cache
+def _submenus(schema: Schema, menu: str) -> frozenset[str]:
+    prefix = menu.rstrip("/") + "/"
+    names = {name for name, child in schema._children(menu) if child["_type"] in _MENU_TYPES}  # noqa: SLF001
+    names.update(path.removeprefix(prefix).split("/")[0] for path in _words(schema).added if path.startswith(prefix))
+    return frozenset(name for name in names if schema.has_menu(prefix + name))
+
+
+@cache
+def _menu_words(schema: Schema, menu: str) -> frozenset[str]:
+    return schema.submenus(menu) | schema.commands(menu)
 
 
 @cache

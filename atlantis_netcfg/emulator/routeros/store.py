@@ -132,7 +132,7 @@ _SPACE_MENUS = {
 class StoredItem:
     """One row, equal to itself alone: lists of thousands are searched for it.
 
-    `values` holds what was given, in stored form; what is missing has its default.
+    `values` holds what was given, in stored form; what is missing has its default. It is replaced, never changed.
     """
 
     id: int
@@ -140,6 +140,19 @@ class StoredItem:
     factory: dict[str, str] | None = None
     """What the row held when the router left the factory; None: somebody added it."""
     dynamic: bool = False
+    print_cache: PrintedRow | None = None
+    """How it was printed last."""
+
+
+@dataclass(frozen=True, slots=True)
+class PrintedRow:
+    """The arguments of a row as the API prints them, for as long as `values` is the content of the row."""
+
+    values: dict[str, str]
+    row: dict[str, str]
+    references: tuple[Arg, ...]
+    """Arguments with names of other rows, which may change at any time."""
+    secrets: tuple[str, ...]
 
 
 class Placed(NamedTuple):

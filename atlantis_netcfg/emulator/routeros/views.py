@@ -14,10 +14,11 @@ from atlantis_netcfg.emulator.routeros.certificates import expires_after, known
 from atlantis_netcfg.emulator.routeros.environment import alert, lease, ntp, tunnel_addresses
 from atlantis_netcfg.emulator.routeros.menus import Arg, Shape
 from atlantis_netcfg.emulator.routeros.modem import made
-from atlantis_netcfg.emulator.routeros.values import id_text, interval, spell
+from atlantis_netcfg.emulator.routeros.store import PrintedRow
+from atlantis_netcfg.emulator.routeros.values import id_text, interval, references, spell
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
@@ -314,23 +315,27 @@ def factory_value(item: StoredItem, arg: Arg) -> str | None:
     return (item.factory or {}).get(arg.name, arg.default)
 
 
-def configured(store: RowStore, table: Table, item: StoredItem) -> Iterator[tuple[Arg, str]]:
-    """Yield every argument that a row has, with its value as exports spell it."""
-    for arg in table.args.values():
-        if arg.never or not applies(store, table, item, arg):
-            continue
-        stored = item.values.get(arg.name)
-        value = spell(stored, store) if stored is not None else arg.default
-        if value is not None:
-            yield arg, value
+def _printed_row(store: RowStore, table: Table, item: StoredItem) -> PrintedRow:
+    """Return every argument that a row has; kept until the content of the row is replaced."""
+    if item.print_cache is None or item.print_cache.values is not item.values:
+        args = [arg for arg in table.args.values() if not arg.never and applies(store, table, item, arg)]
+        stored = {arg.name: item.values.get(arg.name, arg.default) for arg in args}
+        row = {arg.name: arg.kind.show(value) for arg in args if (value := stored[arg.name]) is not None}
+        referring = tuple(arg for arg in args if any(references(stored[arg.name] or "")))
+        secrets = tuple(arg.name for arg in args if arg.secret and stored[arg.name])
+        item.print_cache = PrintedRow(item.values, row, referring, secrets)
+    return item.print_cache
 
 
 def item_row(core: Core, path: str, table: Table, item: StoredItem, *, sensitive: bool) -> dict[str, str]:
     """Return one row as the API prints it, counters included."""
-    row = {} if table.menu.shape is Shape.SETTINGS else {".id": id_text(item.id)}
-    for arg, value in configured(core.store, table, item):
-        hidden = arg.secret and value and not sensitive
-        row[arg.name] = HIDDEN if hidden else arg.kind.show(value)
+    shown = _printed_row(core.store, table, item)
+    row: dict[str, str] = {} if table.menu.shape is Shape.SETTINGS else {".id": id_text(item.id)}
+    row.update(shown.row)
+    for arg in shown.references:
+        row[arg.name] = arg.kind.show(spell(item.values[arg.name], core.store))
+    if not sensitive:
+        row.update(dict.fromkeys(shown.secrets, HIDDEN))
     row.update(dict.fromkeys(table.menu.flags, "false"))
     if table.menu.builtin_flag:
         row[table.menu.builtin_flag] = "true" if item.factory is not None else "false"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,7 @@ CHANGES = re.compile(" (add|set|remove|sign|disable|enable) ")
 QUICK = {"unroll_delay_s": 0.05, "silent_timeout_s": 2.0}
 
 
+@cache
 def declaration() -> Declaration:
     return load(CHECKOUT / "inventory")
 

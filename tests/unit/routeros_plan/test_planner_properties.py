@@ -6,7 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given, reject, settings
+from hypothesis import given, reject
 from hypothesis import strategies as st
 from plan_world import facts
 
@@ -94,7 +94,6 @@ LISTS = [menu for menu in MENUS.values() if menu.shape is Shape.LIST and not men
 
 
 @pytest.mark.parametrize("menu", LISTS, ids=lambda menu: menu.path)
-@settings(max_examples=50)
 @given(data=st.data(), entire=st.booleans(), restores=st.booleans())
 def test_a_plan_leads_to_what_is_declared(menu: Menu, data: st.DataObject, *, entire: bool, restores: bool) -> None:
     observed = device(menu, data.draw(lists_of(menu)))
@@ -142,7 +141,6 @@ SETTINGS = [menu for menu in MENUS.values() if menu.shape is Shape.SINGLETON]
 
 
 @pytest.mark.parametrize("menu", SETTINGS, ids=lambda menu: menu.path)
-@settings(max_examples=50)
 @given(data=st.data(), restores=st.booleans())
 def test_settings_become_what_is_declared(menu: Menu, data: st.DataObject, *, restores: bool) -> None:
     row, wanted = data.draw(rows_of(menu)), data.draw(rows_of(menu))

@@ -151,6 +151,7 @@ _HEX = re.compile(r"[0-9A-F]{2}")
 _VARIABLE = re.compile(r"[A-Za-z0-9_]+")
 _QUOTED_NAME = re.compile(r"[A-Za-z0-9_-]+")
 _BARE = re.compile(r"[^\s\"\\$&'();=?\[\]^{|}]+")
+_PLAIN = re.compile(r"[^\"$\\]+")
 _INDENT = " \t"
 
 
@@ -279,7 +280,7 @@ class TextPart:
                 found = []
                 yield self.variable()
             else:
-                found.append(self._character())
+                found.append(self.match(_PLAIN) or self._character())
         yield _decoded(found)
 
     def variable(self) -> Variable:
@@ -543,7 +544,7 @@ class Parser:
             word = self.text.match(_SEGMENT)
             if word is None:
                 return MenuCommand(menu, "", place=place, line=line)
-            word = self._whole(word, schema.submenus(menu) | schema.commands(menu))
+            word = self._whole(word, schema.words(menu))
             below = f"{menu.rstrip('/')}/{word}"
             if schema.has_menu(below):
                 menu = below

@@ -49,6 +49,7 @@ _COMPARE: dict[str, Callable[[int, int], bool]] = {
     "<=": operator.le,
     ">=": operator.ge,
 }
+_PARSED_SCRIPTS = 64
 _NUMBERS = frozenset({"destination", "number", "numbers"})
 
 
@@ -78,10 +79,13 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
     """Parse all of it, then run it; `variables` are what the script may read as `$name`."""
     outcome = ScriptOutcome()
     try:
-        statements = list(Parser(core, TextPart(script)).statements())
+        statements = core.script_cache.get(script) or list(Parser(core, TextPart(script)).statements())
     except ConsoleError as error:
         outcome.error = str(error)
         return outcome
+    if len(core.script_cache) >= _PARSED_SCRIPTS:
+        core.script_cache.clear()
+    core.script_cache[script] = statements
     runner = _run(core, caller, statements, outcome, variables=variables)
     if outcome.error is not None and runner.failed is not None:
         outcome.returned = _placed(core, outcome.error, runner.failed)
