@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 PACKAGE = ROOT / "atlantis_netcfg"
 PARTS = {
-    "routeros": (("routeros",), ("routeros", "plan", "pair"), ("integration/engine",)),
+    "routeros": (("routeros",), ("routeros", "plan", "pair"), ("integration/engine", "unit/packages")),
     "rules": (("declaration/rules",), ("declaration", "errors"), ()),
     "vpn": (("vpn",), ("vpn", "vpn-server"), ()),
     "checklist": (("checklist",), ("checklist", "probes", "reports"), ()),
