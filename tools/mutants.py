@@ -39,7 +39,7 @@ PARTS = {
     "rules": (("declaration/rules",), ("declaration", "errors"), ()),
     "vpn": (("vpn",), ("vpn", "vpn-server"), ()),
     "checklist": (("checklist",), ("checklist", "probes", "reports"), ()),
-    "runs": (("journal", "report"), ("journal", "operations"), ()),
+    "runs": (("journal", "report"), ("journal", "operations", "reports"), ()),
 }
 """A part's packages, its parts in tests/parts.txt, and further folders of tests."""
 TESTS_S = 30.0
