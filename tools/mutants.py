@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 PACKAGE = ROOT / "atlantis_netcfg"
 PARTS = {
-    "routeros": (("routeros",), ("routeros", "plan", "pair"), ("integration/engine",)),
+    "routeros": (("routeros",), ("routeros", "plan", "pair"), ("integration/engine", "unit/packages")),
     "rules": (("declaration/rules",), ("declaration", "errors"), ()),
     "vpn": (("vpn",), ("vpn", "vpn-server"), ()),
     "checklist": (("checklist",), ("checklist", "probes", "reports"), ()),
-    "runs": (("journal", "report"), ("journal", "operations"), ()),
+    "runs": (("journal", "report"), ("journal", "operations", "reports"), ()),
 }
 """A part's packages, its parts in tests/parts.txt, and further folders of tests."""
 TESTS_S = 30.0

@@ -9,7 +9,7 @@ import os
 import sys
 from collections import defaultdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 from mutants_children import Job, end_child, fork, run_pytest
@@ -28,7 +28,7 @@ class Importer:
     def __init__(self, modules: list[Path], change: Callable[[int, ast.Module], object]) -> None:
         self._modules = {str(path): number for number, path in enumerate(modules)}
         self._change = change
-        sys.meta_path.insert(0, self)  # type: ignore[arg-type]
+        sys.meta_path.insert(0, self)
 
     def find_spec(self, name: str, path: object, target: object = None) -> ModuleSpec | None:
         """Return the usual spec; its loader compiles what we have changed."""
@@ -38,7 +38,7 @@ class Importer:
             tree = ast.parse(Path(spec.origin).read_bytes())
             self._change(number, tree)
             spec.loader.get_code = lambda _: compile(ast.fix_missing_locations(tree), spec.origin, "exec")
-        return spec
+        return cast("ModuleSpec | None", spec)
 
 
 class Recorder:

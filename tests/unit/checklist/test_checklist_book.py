@@ -135,7 +135,11 @@ def test_a_probe_may_look_again_and_history_keeps_both(desk: Desk) -> None:
         book.settle(found(WIFI, Verdict.FAIL, "no association"))
         book.override(WIFI, "the vehicle stays on the bench", NAME)
         assert book.item(WIFI).counts is Verdict.WARN
-        assert book.settle(found(WIFI)).override is None
+        settled = book.settle(found(WIFI))
+        assert settled.override is None
+        assert ("earlier override, replaced", "FAIL: the vehicle stays on the bench", NAME) in [
+            (evidence.what, evidence.value, evidence.by) for evidence in settled.evidence
+        ]
         log = (book.folder / "records.jsonl").read_text()
     assert book.item(WIFI).verdict is Verdict.PASS
     assert [json.loads(line)["record"] for line in log.splitlines()] == ["begun", "settled", "overridden", "settled"]

@@ -230,6 +230,8 @@ def test_a_confirmed_state_that_was_changed_or_lost_is_not_used_and_comes_anew(s
         state.path.write_text("something else")
         with pytest.raises(StateDamaged, match="cannot be used: it was changed since"):
             state.text()
+        journal.confirm("router", lambda: "one")
+        assert state.text() == "one"
         state.path.unlink()
         with pytest.raises(StateDamaged, match="cannot be used: No such file"):
             state.text()

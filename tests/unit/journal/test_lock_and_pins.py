@@ -8,16 +8,13 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from threading import Barrier, Semaphore
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.journal import JournalFailed, Pins, PinsDamaged, SiteBusy, Store, write_atomically
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 HOLD = """
 import sys
@@ -81,8 +78,10 @@ def test_a_dead_name_in_the_file_is_not_blamed(tmp_path: Path) -> None:
     stale = path.read_bytes()
     with store.lock("coastal", "mine"):
         path.write_bytes(stale)
+        files = len([*Path("/proc/self/fd").iterdir()])
         with pytest.raises(SiteBusy, match="somebody who has just started"), store.lock("coastal", "other"):
             pass
+        assert len([*Path("/proc/self/fd").iterdir()]) == files
 
 
 def test_sites_and_rehearsals_are_locked_apart(tmp_path: Path) -> None:

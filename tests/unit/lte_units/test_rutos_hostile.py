@@ -62,6 +62,17 @@ def test_an_answer_without_end_is_left(tmp_path: Path, answer: Callable[[ssl.SSL
             read(at)
 
 
+def test_a_new_connection_that_closes_without_an_answer_is_not_tried_again(tmp_path: Path) -> None:
+    def hangs_up(tls: ssl.SSLSocket) -> None:
+        tls.recv(65536)
+
+    with served(tmp_path, hangs_up) as unit:
+        at = RutosEndpoint("127.0.0.1", unit.port, "reader", Secret("x"), unit.fingerprint, timeout_s=5)
+        with pytest.raises(RutosUnreachable):
+            read(at)
+        assert unit.handshakes == 1
+
+
 def test_a_handshake_without_end_is_left() -> None:
     with raw(lambda line: slowly(line, b"\x16\x03\x03\x40\x00" + bytes(10_000))) as port:
         at = RutosEndpoint("127.0.0.1", port, "reader", Secret("x"), "00" * 32, timeout_s=0.5)

@@ -132,6 +132,7 @@ def test_one_way_gaps_stay_one_way() -> None:
         ProfileGap(seconds=10.0, up=True, down=False),
         ProfileGap(seconds=20.0, up=False, down=True),
     )
+    assert profile.recorded_s == pytest.approx(300)
     assert (profile.up.loss, profile.down.loss) == (0, 0), "what was lost in gaps is no random loss"
     agree(train_figures(recording.samples, "idle"), train_figures(measure(replay(profile)).samples, "idle"))
 

@@ -163,6 +163,8 @@ def test_power_distance_and_weather_radars_are_told_to_the_radio() -> None:
     assert said["skip-dfs-channels"] == "disabled", "the declared channel is one that has to be listened to for long"
     newer = radio("scc-cpe", "wifi", with_ptp(shipped(), protocol="802.11", **long))
     assert (newer["configuration.distance"], newer["configuration.tx-power"]) == ("42", "12")
+    above = radio("scc-cpe", "wireless", with_ptp(shipped(), frequency_mhz=5660))
+    assert above["skip-dfs-channels"] == "10min-cac", "a channel that begins where those of the radars end"
     short = radio("scc-cpe", "wireless")
     assert (short["nv2-cell-radius"], short["skip-dfs-channels"]) == ("10", "10min-cac")
     bare = radio("scc-cpe", "wireless", with_ptp(shipped(), tx_power_dbm=None, antenna_gain_dbi=None))

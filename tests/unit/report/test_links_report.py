@@ -91,6 +91,10 @@ def test_the_last_line_says_who_carries(active: tuple[bool | None, ...], metered
         ({}, "not counted yet"),
         ({"month_bytes": 0, "month_since": "T"}, "0 B, counted since T"),
         ({"month_bytes": 999, "month_since": "T"}, "999 B, counted since T"),
+        ({"month_bytes": 1000, "month_since": "T"}, "1.0 kB, counted since T"),
+        ({"month_bytes": 10_000, "month_since": "T"}, "10 kB, counted since T"),
+        ({"month_bytes": 999_499, "month_since": "T"}, "999 kB, counted since T"),
+        ({"month_bytes": 999_500, "month_since": "T"}, "1.0 MB, counted since T"),
         (
             {"month_bytes": 61_400, "month_since": "T", "month_gaps": ["a"]},
             "61 kB, counted since T; at least, there is a gap",
@@ -138,6 +142,7 @@ def test_a_person_reads_the_times_of_the_pilot_and_a_program_those_of_utc() -> N
             {"next_hop_seen": "no", "firmware": "1.2", "seen_by": "Ana", "seen_on": "2026-11-01"},
             ["terminal      has not answered the router of late, firmware 1.2, seen by Ana on 2026-11-01"],
         ),
+        ("satellite", {"next_hop_seen": "yes"}, ["terminal      answers the router"]),
         (
             "satellite",
             {"kept_off_packets": 7, "kept_off_bytes": 4200},

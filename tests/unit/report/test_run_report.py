@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.printable import plain
 from atlantis_netcfg.report.run import Pass, RunReport
 
 
@@ -91,6 +92,7 @@ def test_a_person_reads_cost_passes_and_what_is_left_out() -> None:
         "do        remove the cause, then type the same command again",
     ]
     assert whole.as_text().splitlines() == lines
+    assert [plain(row) for row in whole.rows(40)][:2] == ["  r 9 actions kept (3 round trips, 3.0", "    kB, 1.2 s)"]
     brief = replace(whole, verbose=False).as_text().splitlines()
     assert brief == [
         *lines[:3],

@@ -152,6 +152,12 @@ def test_the_worst_device_is_named_with_its_reason_and_its_hint() -> None:
     assert all(len(line) <= 80 for line in lines)
 
 
+def test_a_path_that_is_longer_than_a_line_stays_whole() -> None:
+    path = "/srv/" + "a-b/" * 40
+    lines = last({"s": result(4, "refused", f"refused: {path}x", f"look at {path}")})
+    assert [line.strip() for line in lines[4::2]] == [f"{path}x", path]
+
+
 def test_a_warning_is_named_where_nothing_is_worse() -> None:
     assert (
         last({"r": CHANGED, "sat": WARNED})[-1] == "look at   sat: nobody has looked at the terminal (open its pages)"

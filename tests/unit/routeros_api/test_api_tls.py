@@ -5,6 +5,7 @@ import socket
 import ssl
 import struct
 from contextlib import closing
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -12,7 +13,7 @@ from scripted_device import Device, Peer, serving
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Endpoint, Session, Unreachable
-from atlantis_netcfg.routeros.api._tls import client_context, cut_off, keep_alive, may_cut_off
+from atlantis_netcfg.routeros.api._tls import certificate_bytes, client_context, cut_off, keep_alive, may_cut_off
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,6 +54,17 @@ def test_without_a_pin_the_fingerprint_is_told_and_no_login_sent(tmp_path: Path)
     assert seen in str(error)
     assert error.hint is not None
     assert "/certificate print detail" in error.hint
+
+
+@pytest.mark.parametrize("certificate", [None, b""])
+def test_a_device_without_a_certificate_is_unreachable(certificate: bytes | None) -> None:
+    class NoCertificate(asyncio.BaseTransport):
+        def get_extra_info(self, name: str, default: object = None) -> object:
+            del name, default
+            return SimpleNamespace(getpeercert=lambda *, binary_form: certificate if binary_form else {})
+
+    with pytest.raises(Unreachable, match="showed no certificate"):
+        certificate_bytes(Endpoint("192.0.2.1", 8729, "admin", Secret("x"), None), NoCertificate())
 
 
 def test_a_pin_may_be_written_with_colons_and_capitals(tmp_path: Path) -> None:
