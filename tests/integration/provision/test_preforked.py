@@ -96,8 +96,10 @@ def test_ansible_prints_and_ends_as_the_program_does(name: str, words: tuple[str
     path = str(Path(PROVISION).with_name(name))
     program = subprocess.run([path, *words], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     with (tmp_path / "output").open("w") as output, (tmp_path / "errors").open("w") as errors:
-        streams = {"output": output.fileno(), "errors": errors.fileno()}
-        code = preforked.ansible(path, words, env=environment, folder=tmp_path, **streams).wait()
+        process = preforked.ansible(
+            path, words, env=environment, folder=tmp_path, output=output.fileno(), errors=errors.fileno()
+        )
+        code = process.wait()
     assert (tmp_path / "output").read_text() == program.stdout
     assert (tmp_path / "errors").read_text() == program.stderr
     assert code == program.returncode
