@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import yaml
 
 if TYPE_CHECKING:
@@ -62,23 +62,18 @@ class Stand:
     def run(self, *words: str) -> dict[str, Any]:
         """Run the roles; `words` are for ansible-playbook."""
         read, write = os.pipe()
-        with (
-            (self.folder / "said").open("w") as said,
-            subprocess.Popen(
-                self._command(write, words),
-                cwd=self.folder,
-                env=os.environ
-                | {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(self.folder / "ansible")},
-                text=True,
-                pass_fds=[write],
-                stdin=subprocess.DEVNULL,
-                stdout=said,
-                stderr=subprocess.STDOUT,
-            ),
-        ):
-            os.close(write)
-            with os.fdopen(read) as lines:
-                told = [json.loads(line) for line in lines]
+        environment = {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(self.folder / "ansible")}
+        with os.fdopen(read) as lines, (self.folder / "said").open("w") as said:
+            with os.fdopen(write, "w"):
+                process = preforked.ansible(
+                    *(PLAYBOOK, self._command(write, words)),
+                    env=os.environ | environment,
+                    folder=self.folder,
+                    output=said.fileno(),
+                    pass_fds=[write],
+                )
+            told = [json.loads(line) for line in lines]
+            process.wait()
         results = [line["devices"][self.name] for line in told if line.get("devices")]
         assert len(results) == 1, f"{(self.folder / 'said').read_text()}\n{told}"
         result: dict[str, Any] = results[0]
@@ -109,4 +104,4 @@ class Stand:
         }
         (self.folder / "play.yml").write_text(json.dumps(play))
         (self.folder / "variables.json").write_text(json.dumps(variables))
-        return [PLAYBOOK, "-i", "inventory", "play.yml", "-e", "@variables.json", "--limit", self.name, *words]
+        return ["-i", "inventory", "play.yml", "-e", "@variables.json", "--limit", self.name, *words]

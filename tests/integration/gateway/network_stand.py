@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from debian_trees import NETWORK
 from gateway_stand import ROUTER, Key
@@ -82,18 +82,16 @@ class NetworkStand:
         }
         for name, value in (("play.yml", play), ("variables.json", variables)):
             (self.folder / name).write_text(json.dumps(value))
-        done = subprocess.run(
-            [PLAYBOOK, "-i", f"{NAME},", "play.yml", "-e", "@variables.json", *words],
-            cwd=self.folder,
-            env=os.environ
-            | {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(self.folder / "ansible")},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-        )
-        return done.returncode, done.stdout
+        environment = {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(self.folder / "ansible")}
+        with (self.folder / "said").open("w") as said:
+            process = preforked.ansible(
+                *(PLAYBOOK, ["-i", f"{NAME},", "play.yml", "-e", "@variables.json", *words]),
+                env=os.environ | environment,
+                folder=self.folder,
+                output=said.fileno(),
+            )
+            code = process.wait()
+        return code, (self.folder / "said").read_text()
 
     def network(self) -> dict[str, Any]:
         """Files and running state, to be compared before and after."""

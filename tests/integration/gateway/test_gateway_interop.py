@@ -19,7 +19,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
-from gateway_role import ROOT, Stand
+from gateway_role import PLAYBOOK, ROOT, Stand
 from gateway_stand import ROUTER, ground, machine, technician  # noqa: F401 - fixtures
 
 from atlantis_netcfg.emulator.lab.stubs.interop import (
@@ -320,7 +320,7 @@ def begin(interop: Interop) -> subprocess.Popen[bytes]:
     environment = {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(stand.folder / "ansible")}
     with (stand.folder / "events").open("wb") as events, said.open("wb") as output:
         running = subprocess.Popen(
-            stand._command(events.fileno(), ()),
+            [PLAYBOOK, *stand._command(events.fileno(), ())],  # by its environment `kill` knows it
             cwd=stand.folder,
             env=os.environ | environment,
             pass_fds=[events.fileno()],

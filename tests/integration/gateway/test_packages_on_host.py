@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from gateway_role import NAME, PLAYBOOK, ROOT
 from gateway_stand import ground, known_hosts, machine, technician  # noqa: F401 - fixtures
@@ -74,7 +75,7 @@ class Board:
             "ansible_ssh_common_args": f"-o UserKnownHostsFile={known_hosts(self.folder, self.gateway)}",
         }
         words = ["-m", "atlantis.netcfg.packages", "-a", json.dumps(asked), "-e", json.dumps(how)]
-        return [ADHOC, "-i", f"{NAME},", NAME, *words, *(["--check"] if check else [])]
+        return ["-i", f"{NAME},", NAME, *words, *(["--check"] if check else [])]
 
     def run(self, *names: str, check: bool = False, **more: object) -> dict[str, Any]:
         environment = os.environ | {
@@ -82,15 +83,24 @@ class Board:
             "ANSIBLE_CALLBACK_RESULT_FORMAT": "json",
         }
         words = self.command(*names, check=check, **more)
-        done = subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
-        assert "=> {" in done.stdout, done.stdout + done.stderr
-        told: dict[str, Any] = json.loads(done.stdout[done.stdout.index("=> {") + 3 :])
+        said, errors = self.folder / "said", self.folder / "errors"
+        with said.open("w") as output, errors.open("w") as other:
+            preforked.ansible(
+                *(ADHOC, words),
+                env=environment,
+                folder=ROOT,
+                output=output.fileno(),
+                errors=other.fileno(),
+            ).wait()
+        text = said.read_text()
+        assert "=> {" in text, text + errors.read_text()
+        told: dict[str, Any] = json.loads(text[text.index("=> {") + 3 :])
         return told
 
     def start(self, *names: str) -> subprocess.Popen[bytes]:
         environment = os.environ | {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg")}
         return subprocess.Popen(
-            self.command(*names), env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [ADHOC, *self.command(*names)], env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
 
     def wait_for(self, path: str) -> None:

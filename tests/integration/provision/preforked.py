@@ -1,9 +1,10 @@
-"""`provision` without its second of imports: a process that has imported what commands need forks a child for each.
+"""`provision` and Ansible without their imports: a process that has imported what they need forks a child for each run.
 
 A child is what the program would be: a process of its own with the arguments, environment, folder, network, standard
-streams and passed descriptors of its caller, in which `cli.main` runs and Python ends as it always does. What it has
-imported is the only difference, and Ansible's settings are not among it, as they are read when they are imported. The
-program itself is started by the tests of its start, by those that kill it, and once for each command that is typed.
+streams and passed descriptors of its caller, in which `main` of the program runs and Python ends as it always does.
+What it has imported is the only difference. Ansible reads its settings when it is imported: the process that serves
+`provision` has not imported it, and those that serve Ansible have one set of settings each (`_settings`). The programs
+themselves are started by the tests of their start, by those that kill them, and once for each command that is typed.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, BinaryIO, TextIO, cast
 
 from atlantis_netcfg.core.paths import write_private
@@ -48,8 +50,18 @@ PRELOADED = (
     *("curses", "pprint", "pty", "syslog", "tarfile", "xml.dom.minidom", "xml.etree.ElementTree", "yaml"),
 )
 """What most commands import; no more than that, so that a command which forgets an import still fails."""
+ANSIBLE = (
+    *("ansible.cli.adhoc", "ansible.cli.playbook", "ansible.plugins.become.sudo", "ansible.plugins.callback.default"),
+    *("ansible.plugins.connection.ssh", "ansible.plugins.filter.core", "ansible.plugins.shell.sh"),
+    *("ansible.plugins.strategy.linear", "ansible.plugins.test.core"),
+    *("atlantis_netcfg.bundle.open", "atlantis_netcfg.core.remote_bundle", "atlantis_netcfg.operations.request"),
+    *("atlantis_netcfg.operations.computers._watch", "atlantis_netcfg.operations.computers.parts"),
+)
+"""What Ansible imports for a role of the gateways, in itself or in each of its tasks."""
 _NEW_NETWORK = 0x40000000
 """CLONE_NEWNET, see unshare(2)."""
+_CONFIGURATION = "_CONFIGURATION"
+"""In the environment of a process that serves Ansible: the text of its configuration, which makes the key complete."""
 _HIGH = 500
 """Descriptors from here on are in nobody's way while a child puts its own in their places."""
 
@@ -113,6 +125,23 @@ def start(arguments: Sequence[str], env: Mapping[str, str], terminal: int, folde
     return _start(request, terminal, terminal, terminal)
 
 
+def ansible(  # noqa: PLR0913 - as subprocess.run has them
+    program: str,
+    arguments: Sequence[str],
+    *,
+    env: Mapping[str, str],
+    folder: Path,
+    output: int,
+    errors: int | None = None,
+    pass_fds: Sequence[int] = (),
+) -> Process:
+    """Start `ansible-playbook` or `ansible`, by its path; `output` also takes the errors if they have no place."""
+    module = f"ansible.cli.{'playbook' if program.endswith('-playbook') else 'adhoc'}"
+    with Path(os.devnull).open("rb") as nothing:
+        request = _Request(module, list(arguments), dict(env), list(pass_fds), folder=str(folder), program=program)
+        return _start(request, nothing.fileno(), output, output if errors is None else errors, settings=_settings(env))
+
+
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
     """Start the twins of `spec`, as `emulator.routeros.spawn` does; they end when their standard input does."""
     file, log = state_dir / "site.json", state_dir / "twins.log"
@@ -139,9 +168,22 @@ class _Request:
     session: bool = False
     """In a session of its own."""
     folder: str = field(default_factory=os.getcwd)
+    program: str = "provision"
+    """By what name it was typed."""
 
 
-def _start(request: _Request, *streams: int) -> Process:
+_Settings = frozenset[tuple[str, str]]
+
+
+def _settings(env: Mapping[str, str]) -> _Settings:
+    """Whatever Ansible reads when it is imported, but its home, which each child reads anew; it stands in the key."""
+    configuration = Path(env["ANSIBLE_CONFIG"]).read_text(encoding="utf-8")
+    names = {name for name in env if name.startswith(("ANSIBLE_", "LC_", "PYTHON"))} | {"LANG", "HOME", "PATH"}
+    values = {name: env[name] for name in names - {"ANSIBLE_HOME"} if name in env}
+    return frozenset([*values.items(), (_CONFIGURATION, configuration)])
+
+
+def _start(request: _Request, *streams: int, settings: _Settings = frozenset()) -> Process:
     ours, answer = socket.socketpair()
     with (
         answer,
@@ -150,7 +192,7 @@ def _start(request: _Request, *streams: int) -> Process:
     ):
         words.write(json.dumps(asdict(request)).encode())
         descriptors = [answer.fileno(), words.fileno(), network.fileno(), *streams, *request.passed]
-        socket.send_fds(_server(), [b"!"], descriptors)
+        socket.send_fds(_server(settings), [b"!"], descriptors)
     return Process(ours)
 
 
@@ -171,8 +213,8 @@ def _read_all(readers: Sequence[BinaryIO]) -> list[str]:
 
 
 @cache
-def _server() -> socket.socket:
-    """One for this process of the tests; it ends with it."""
+def _server(settings: _Settings) -> socket.socket:
+    """One of each kind for this process of the tests, with settings for Ansible; it ends with it."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
         process = subprocess.Popen(
@@ -180,6 +222,7 @@ def _server() -> socket.socket:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             pass_fds=[theirs.fileno()],
+            env=dict(settings) if settings else None,
         )
 
     def end() -> None:
@@ -271,17 +314,33 @@ def _become(descriptors: list[int]) -> str:
     os.environ.update(request.env)
     time.tzset()
     os.chdir(request.folder)
-    sys.argv = ["provision", *request.arguments]
+    sys.argv = [request.program, *request.arguments]
+    if "ansible.constants" in sys.modules:
+        _read_settings()
     return request.module
+
+
+def _read_settings() -> None:
+    """Let Ansible read its settings again, in a child: its home is in them, and a folder of the process's own."""
+    from ansible import constants  # noqa: PLC0415 - not of every process
+    from ansible.utils.path import cleanup_tmp_file  # noqa: PLC0415 - as above
+
+    atexit.unregister(cleanup_tmp_file)
+    for setting in constants.config.get_configuration_definitions():
+        constants.set_constant(setting, constants.config.get_config_value(setting, variables=vars(constants)))
 
 
 def _main() -> int:
     control = socket.socket(fileno=int(sys.argv[1]))
     if os.geteuid() == 0:  # the namespace of the test that comes first would stay as long as we do
         ctypes.CDLL(None).unshare(_NEW_NETWORK)
-    for name in PRELOADED:
-        import_module(name)
-    assert "ansible.constants" not in sys.modules
+    prepared = os.environ.pop(_CONFIGURATION, None) is not None
+    with TemporaryDirectory() if prepared else nullcontext() as home:
+        if home is not None:
+            os.environ["ANSIBLE_HOME"] = home
+        for name in (*PRELOADED, *(ANSIBLE if prepared else ())):
+            import_module(name)
+        assert ("ansible.constants" in sys.modules) == prepared
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.collect()
     gc.freeze()

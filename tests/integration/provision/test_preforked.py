@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import os
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import preforked
 import pytest
 from quay import PROVISION
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 LINES = (
     ("version",),
@@ -71,3 +68,39 @@ def test_two_run_one_after_the_other_without_a_trace(tmp_path: Path) -> None:
     )
     assert first.stdout.startswith("{")
     assert second.stdout.startswith("provision ")
+
+
+ANSIBLE_CFG = Path(__file__).parents[3] / "ansible.cfg"
+PLAY = """\
+- hosts: all
+  gather_facts: false
+  tasks:
+    - ansible.builtin.command: sh -c 'echo $PPID | grep -c .; pwd; readlink /proc/self/ns/net'
+      register: shown
+    - ansible.builtin.debug: {var: shown.stdout}
+    - ansible.builtin.fail: {msg: "{{ lookup('config', 'ANSIBLE_HOME') }} {{ lookup('env', 'OWN') }}"}
+"""
+ANSIBLE_LINES = (
+    ("ansible-playbook", ("-i", "localhost,", "-c", "local", "play.yml")),
+    ("ansible-playbook", ("-i", "localhost,", "missing.yml")),
+    ("ansible-playbook", ("--nonsense",)),
+    ("ansible", ("-i", "localhost,", "-c", "local", "localhost", "-m", "ansible.builtin.debug", "-a", "msg=here")),
+)
+
+
+@pytest.mark.parametrize(("name", "words"), ANSIBLE_LINES)
+def test_ansible_prints_and_ends_as_the_program_does(name: str, words: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "play.yml").write_text(PLAY)
+    home = tmp_path / "home"
+    environment = os.environ | {"ANSIBLE_CONFIG": str(ANSIBLE_CFG), "ANSIBLE_HOME": str(home), "OWN": "word"}
+    path = str(Path(PROVISION).with_name(name))
+    program = subprocess.run([path, *words], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    with (tmp_path / "output").open("w") as output, (tmp_path / "errors").open("w") as errors:
+        process = preforked.ansible(
+            path, words, env=environment, folder=tmp_path, output=output.fileno(), errors=errors.fileno()
+        )
+        code = process.wait()
+    assert (tmp_path / "output").read_text() == program.stdout
+    assert (tmp_path / "errors").read_text() == program.stderr
+    assert code == program.returncode
+    assert [*home.rglob("ansible-local-*")] == []
