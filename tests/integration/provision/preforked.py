@@ -4,6 +4,7 @@ A child is what the program would be: a process of its own with the arguments, e
 streams and passed descriptors of its caller, in which `cli.main` runs and Python ends as it always does. What it has
 imported is the only difference, and Ansible's settings are not among it, as they are read when they are imported. The
 program itself is started by the tests of its start, by those that kill it, and once for each command that is typed.
+The emulated routers of a rehearsal are forked from the same process. A shell reaches it by preforked_client.py.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import threading
 import time
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TextIO, cast
@@ -50,8 +51,12 @@ PRELOADED = (
 """What most commands import; no more than that, so that a command which forgets an import still fails."""
 _NEW_NETWORK = 0x40000000
 """CLONE_NEWNET, see unshare(2)."""
+_NEW_MOUNTS = 0x00020000
+"""CLONE_NEWNS."""
 _HIGH = 500
 """Descriptors from here on are in nobody's way while a child puts its own in their places."""
+_CHILDREN = 900
+"""The descriptor by which a child reaches the prepared process, to start emulated routers."""
 
 
 class Process:
@@ -147,10 +152,12 @@ def _start(request: _Request, *streams: int) -> Process:
         answer,
         os.fdopen(os.memfd_create("request"), "w+b", buffering=0) as words,
         Path("/proc/thread-self/ns/net").open("rb") as network,
+        Path("/proc/thread-self/ns/mnt").open("rb") as mounts,
     ):
         words.write(json.dumps(asdict(request)).encode())
-        descriptors = [answer.fileno(), words.fileno(), network.fileno(), *streams, *request.passed]
-        socket.send_fds(_server(), [b"!"], descriptors)
+        spaces = [network.fileno(), mounts.fileno()]
+        descriptors = [answer.fileno(), words.fileno(), *spaces, *streams, *request.passed]
+        socket.send_fds(_prepared(), [b"!"], descriptors)
     return Process(ours)
 
 
@@ -170,13 +177,17 @@ def _read_all(readers: Sequence[BinaryIO]) -> list[str]:
     return [text.decode() for text in texts]
 
 
+def _prepared() -> socket.socket:
+    return socket.socket(fileno=os.dup(_CHILDREN)) if __name__ == "__main__" else server(sys.executable)
+
+
 @cache
-def _server() -> socket.socket:
-    """One for this process of the tests; it ends with it."""
+def server(python: str) -> socket.socket:
+    """Start the prepared process of this Python's checkout; it ends with this process of the tests."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
         process = subprocess.Popen(
-            [sys.executable, "-P", __file__, str(theirs.fileno())],
+            [python, "-P", __file__, str(theirs.fileno())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             pass_fds=[theirs.fileno()],
@@ -190,13 +201,22 @@ def _server() -> socket.socket:
     return ours
 
 
+def client(descriptor: int) -> list[str]:
+    """Words that stand for `provision` where a shell or another program starts it; it inherits the `server`."""
+    python = Path(sys.base_prefix) / "bin" / f"python3.{sys.version_info.minor}"
+    return [str(python), "-I", "-S", str(Path(__file__).with_name("preforked_client.py")), str(descriptor)]
+
+
 class _Server:
     """Forks a child for each request, tells who asked how it ended, and kills it when nobody waits for it any more."""
 
     def __init__(self, control: socket.socket) -> None:
-        self.control = control
+        theirs, self.inner = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            os.dup2(theirs.fileno(), _CHILDREN, inheritable=False)
         self.selector = selectors.DefaultSelector()
-        self.selector.register(control, selectors.EVENT_READ, self._accept)
+        for one in (control, self.inner):
+            self.selector.register(one, selectors.EVENT_READ, partial(self._accept, one))
         self.request: list[int] | None = None
         """In a child: the descriptors that came for it."""
 
@@ -209,10 +229,11 @@ class _Server:
                     break
         return self.request
 
-    def _accept(self) -> None:
-        data, descriptors, *_ = socket.recv_fds(self.control, 1, 64)
+    def _accept(self, control: socket.socket) -> None:
+        data, descriptors, *_ = socket.recv_fds(control, 1, 64)
         if not data:
-            self.selector.unregister(self.control)
+            for one in (control, self.inner):
+                self.selector.unregister(one)
             return
         child = os.fork()
         if child == 0:
@@ -249,15 +270,16 @@ class _Server:
 
 
 def _become(descriptors: list[int]) -> str:
-    """Take the caller's place: its network, descriptors, environment, folder and words; give the module to run."""
-    _, words, network, *streams = [fcntl.fcntl(descriptor, fcntl.F_DUPFD, _HIGH) for descriptor in descriptors]
+    """Take the caller's place: its namespaces, descriptors, environment, folder and words; give the module to run."""
+    _, words, network, mounts, *streams = [fcntl.fcntl(descriptor, fcntl.F_DUPFD, _HIGH) for descriptor in descriptors]
     os.closerange(3, _HIGH)
     with os.fdopen(words, "rb") as file:
         file.seek(0)
         request = _Request(**json.load(file))
-    if os.fstat(network).st_ino != Path("/proc/self/ns/net").stat().st_ino:
-        libc = ctypes.CDLL(None, use_errno=True)
-        assert libc.setns(network, _NEW_NETWORK) == 0, os.strerror(ctypes.get_errno())
+    for space, name, kind in ((network, "net", _NEW_NETWORK), (mounts, "mnt", _NEW_MOUNTS)):
+        if os.fstat(space).st_ino != Path(f"/proc/self/ns/{name}").stat().st_ino:
+            libc = ctypes.CDLL(None, use_errno=True)
+            assert libc.setns(space, kind) == 0, os.strerror(ctypes.get_errno())
     for descriptor, number in zip(streams, (0, 1, 2, *request.passed), strict=True):
         os.dup2(descriptor, number)
     os.closerange(_HIGH, _HIGH + len(descriptors) + 1)
@@ -281,6 +303,7 @@ def _main() -> int:
         ctypes.CDLL(None).unshare(_NEW_NETWORK)
     for name in PRELOADED:
         import_module(name)
+    import_module("atlantis_netcfg.operations.rehearsal").spawn = spawn  # type: ignore[attr-defined]
     assert "ansible.constants" not in sys.modules
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.collect()
