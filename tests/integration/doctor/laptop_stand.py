@@ -12,28 +12,29 @@ from __future__ import annotations
 import json
 import os
 import shlex
-import socket
-import ssl
 import subprocess
 import sys
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from hashlib import sha256
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
+from quay import _inventory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 SITE, ROUTER = "coastal", "coastal-router"
 ADDRESS, MINE = "10.64.101.1", "10.64.101.10/24"
+SERVER = str(Path(__file__).with_name("silent_router.py"))
 
 
 @dataclass
@@ -69,7 +70,7 @@ class LaptopStand:
         pem, digest = certificate()
         file = self.folder / "router.pem"
         file.write_bytes(pem)
-        words = ["ip", "netns", "exec", self.far, sys.executable, __file__, str(file), ADDRESS, "8729"]
+        words = ["ip", "netns", "exec", self.far, sys.executable, "-I", "-S", SERVER, str(file), ADDRESS, "8729"]
         self.servers.append(subprocess.Popen(words, stdout=subprocess.PIPE, text=True))
         stdout = self.servers[-1].stdout
         assert stdout is not None
@@ -97,6 +98,7 @@ class LaptopStand:
         return subprocess.run(
             ["ip", "netns", "exec", self.name, *words],
             env=environment,
+            pass_fds=[_server()],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -104,9 +106,11 @@ class LaptopStand:
             check=False,
         )
 
-    def provision(self, *words: str) -> subprocess.CompletedProcess[str]:
-        """Type `provision WORDS`."""
-        return self.type(sys.executable, "-P", "-m", "atlantis_netcfg", *words, f"inventory={self.inventory}")
+    def provision(self, *words: str, program: bool = False) -> subprocess.CompletedProcess[str]:
+        """Type `provision WORDS`, into the prepared process or, with `program`, as the program itself."""
+        itself = (sys.executable, "-P", "-m", "atlantis_netcfg")
+        first = itself if program else preforked.client(_server())
+        return self.type(*first, *words, f"inventory={self.inventory}")
 
     def look(self, *words: str) -> dict[str, dict[str, Any]]:
         """The items about the way to the site, by their names."""
@@ -122,6 +126,10 @@ class LaptopStand:
             assert words[0] == "sudo"
             done = self.type(*words[1:])
             assert done.returncode == 0, f"{command}\n{done.stdout}"
+
+
+def _server() -> int:
+    return preforked.server(sys.executable).fileno()
 
 
 def certificate() -> tuple[bytes, str]:
@@ -149,8 +157,6 @@ def certificate() -> tuple[bytes, str]:
 @contextmanager
 def laptop(folder: Path) -> Iterator[LaptopStand]:
     """Both namespaces, with the shipped inventory in which nothing is an example any more."""
-    from quay import _inventory  # noqa: PLC0415 - the server that this file is as well does not need it
-
     if os.geteuid() != 0:
         pytest.skip("making a network namespace needs root")
     (folder / "home").mkdir()
@@ -166,25 +172,3 @@ def laptop(folder: Path) -> Iterator[LaptopStand]:
             server.communicate()
         for name in (stand.name, stand.far):
             subprocess.run(["ip", "netns", "del", name], check=False)
-
-
-def serve(pem: str, address: str, port: int) -> None:
-    """Complete handshakes, and print what is said after each: a line a connection."""
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.load_cert_chain(pem)
-    with socket.create_server((address, port)) as listening:
-        sys.stdout.write("listens\n")
-        sys.stdout.flush()
-        while True:
-            connection, _ = listening.accept()
-            with connection, context.wrap_socket(connection, server_side=True) as session:
-                try:
-                    said = session.recv(4096)
-                except (ssl.SSLError, OSError):
-                    said = b""
-            sys.stdout.write(f"said {said!r}\n")
-            sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    serve(sys.argv[1], sys.argv[2], int(sys.argv[3]))

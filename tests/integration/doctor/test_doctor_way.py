@@ -166,7 +166,7 @@ def test_two_cables(at: LaptopStand) -> None:
 def test_the_screen(at: LaptopStand) -> None:
     """The last lines alone say what is wrong and what to type; nothing is wider than a terminal."""
     at.cable("eth0")
-    done = at.provision("doctor", "site=coastal")
+    done = at.provision("doctor", "site=coastal", program=True)
     assert done.returncode == 6, done.stdout
     assert [line for line in done.stdout.splitlines() if len(line) > 80 and str(at.folder) not in line] == []
     text = re.sub(r"\d+ (?=[A-Z])", "N ", done.stdout)

@@ -55,6 +55,14 @@ def build_editable(folder, config_settings=None, metadata_directory=None):
 """
 
 
+PIP = """\
+# Stands for pip where only the launcher's own steps matter: an editable checkout is a path file.
+import pathlib, sys, sysconfig
+if "--editable" in sys.argv:
+    pathlib.Path(sysconfig.get_path("purelib"), "atlantis_netcfg.pth").write_text(sys.argv[-1] + "\\n")
+"""
+
+
 def small_checkout(place: Path) -> Path:
     """A checkout whose `provision` prints its arguments and ends with exit code 7."""
     (place / "atlantis_netcfg").mkdir(parents=True)
@@ -68,19 +76,24 @@ def small_checkout(place: Path) -> Path:
     return place
 
 
-def quick_python(place: Path, real: str | None = None) -> Path:
+def quick_python(place: Path, real: str | None = None, *, has_pip: bool = True) -> Path:
     """A Python whose `venv` copies pip: ensurepip would install and compile it, 6 s of work for each environment.
 
-    Of the real one there is a test in test_launcher.py, one in test_launcher_python.py, and the first start of the real
-    checkout.
+    Without `has_pip` it is one that only links the checkout, for tests in which nothing is fetched. Of the real one
+    there is a test in test_launcher.py, one in test_launcher_python.py, and the first start of the real checkout.
     """
     where = Path(pip.__file__).parent
     real = real or str(Path(sys.base_prefix) / "bin" / f"python3.{sys.version_info.minor}")
     library = f"lib/python3.{sys.version_info.minor}/site-packages"
     copied = place / "pip"
-    shutil.copytree(where, copied / where.name)
-    for beside in where.parent.glob("pip-*.dist-info"):
-        shutil.copytree(beside, copied / beside.name)
+    if has_pip:
+        shutil.copytree(where, copied / where.name)
+        for beside in where.parent.glob("pip-*.dist-info"):
+            shutil.copytree(beside, copied / beside.name)
+    else:
+        (copied / "pip").mkdir(parents=True)
+        (copied / "pip" / "__init__.py").touch()
+        (copied / "pip" / "__main__.py").write_text(PIP)
     script = place / "quick-python"
     make = f'"{real}" -I -m venv --without-pip "$4" && exec cp -R "{copied}/." "$4/{library}/"'
     script.write_text(f'#!/bin/sh\ncase "$*" in "-I -m venv "*) {make} ;; *) exec "{real}" "$@" ;; esac\n')

@@ -54,8 +54,15 @@ def test_a_file_that_cannot_be_read_stops_everything(text: str, tmp_path: Path) 
     assert "hosts.yml" in process.stderr
 
 
-@pytest.mark.parametrize("variable", ["ansible_host", "ansible_user", "ansible_ssh_common_args", "ansible_connection"])
-@pytest.mark.parametrize("host", ["coastal-router", "coastal-gateway"])
+@pytest.mark.parametrize(
+    ("variable", "host"),
+    [
+        ("ansible_host", "coastal-router"),
+        ("ansible_user", "coastal-gateway"),
+        ("ansible_ssh_common_args", "coastal-gateway"),
+        ("ansible_connection", "coastal-router"),
+    ],
+)
 def test_a_template_in_a_connection_variable_is_refused_before_it_is_evaluated(
     variable: str, host: str, tmp_path: Path
 ) -> None:

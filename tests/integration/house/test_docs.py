@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import preforked
 import pytest
 from docs_console import Shown, shown
 from house_checkout import ROOT, clean_environment, shared_checkout, start
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 ELSEWHERE = {"quick-start.md", "inicio-rapido.md"}
 """test_quick_start.py types them: in a clone of its own, at a terminal."""
+PROGRAM_ITSELF = "first-run.md"
+"""The page of which every line starts the program itself; those of the others are typed into a prepared process."""
 EXECUTED = [page for page in PAGES if page.name not in ELSEWHERE and shown(page)]
 
 
@@ -38,14 +42,26 @@ class Own:
     prefix: tuple[str, ...] = ()
 
 
+@pytest.fixture(scope="session")
+def server(first_checkout: Path) -> int:
+    """The descriptor of a process that has imported what commands need, from the shared checkout."""
+    return preforked.server(str(first_checkout / ".venv" / "bin" / "python")).fileno()
+
+
 @pytest.fixture
-def checkout(first_checkout: Path, tmp_path: Path) -> Own:
-    """Root lays a layer of the page's own over the shared checkout; anybody else copies it, which takes 10 s."""
+def checkout(first_checkout: Path, server: int, request: pytest.FixtureRequest, tmp_path: Path) -> Own:
+    """Root lays a layer of the page's own over the shared checkout; anybody else copies it, which takes 10 s.
+
+    In the layer `provision` is a client of the prepared process, but for one page.
+    """
     if os.geteuid() == 0 and " " not in str(tmp_path):
         layers = [tmp_path / name for name in ("upper", "work", "below")]
         for layer in layers:
             layer.mkdir()
         upper, work, below = layers
+        if request.getfixturevalue("page").name != PROGRAM_ITSELF:
+            (upper / "provision").write_text(f'#!/bin/sh\nexec {shlex.join(preforked.client(server))} "$@"\n')
+            (upper / "provision").chmod(0o755)
         options = f"lowerdir={below},upperdir={upper},workdir={work}"
         lay = f'mount --bind "$0" {below} && mount -t overlay overlay -o {options} "$0" && cd "$0" && exec "$@"'
         prefix = ("unshare", "--mount", "sh", "-c", lay, str(first_checkout))
@@ -58,10 +74,8 @@ def checkout(first_checkout: Path, tmp_path: Path) -> Own:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if page.name not in ELSEWHERE and shown(page)], ids=lambda page: page.name
-)
-def test_what_a_page_shows_is_what_happens(page: Path, checkout: Own, tmp_path: Path) -> None:
+@pytest.mark.parametrize("page", EXECUTED, ids=lambda page: page.name)
+def test_what_a_page_shows_is_what_happens(page: Path, checkout: Own, server: int, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     environment = clean_environment(HOME=str(tmp_path / "home"), TERM="dumb")
     for command in shown(page):
@@ -73,6 +87,7 @@ def test_what_a_page_shows_is_what_happens(page: Path, checkout: Own, tmp_path: 
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
+            pass_fds=[server],
             text=True,
             check=False,
         )

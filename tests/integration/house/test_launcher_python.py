@@ -42,7 +42,7 @@ class Machine:
 
     def python_without_venv(self) -> Path:
         """A Python that lacks its package until the file `installed` exists."""
-        real = quick_python(self.base)
+        real = quick_python(self.base, has_pip=False)
         lacking = (
             f'[ -e "{self.base}/installed" ] || case "$*" in *can_make_venv*) echo "no python3-venv"; exit ;; esac'
         )

@@ -5,6 +5,7 @@ streams and passed descriptors of its caller, in which `main` of the program run
 What it has imported is the only difference. Ansible reads its settings when it is imported: the process that serves
 `provision` has not imported it, and those that serve Ansible have one set of settings each (`_settings`). The programs
 themselves are started by the tests of their start, by those that kill them, and once for each command that is typed.
+The emulated routers of a rehearsal are forked from the same process. A shell reaches it by preforked_client.py.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import threading
 import time
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -62,8 +63,12 @@ _NEW_NETWORK = 0x40000000
 """CLONE_NEWNET, see unshare(2)."""
 _CONFIGURATION = "_CONFIGURATION"
 """In the environment of a process that serves Ansible: the text of its configuration, which makes the key complete."""
+_NEW_MOUNTS = 0x00020000
+"""CLONE_NEWNS."""
 _HIGH = 500
 """Descriptors from here on are in nobody's way while a child puts its own in their places."""
+_CHILDREN = 900
+"""The descriptor by which a child reaches the prepared process, to start emulated routers."""
 
 
 class Process:
@@ -189,10 +194,12 @@ def _start(request: _Request, *streams: int, settings: _Settings = frozenset()) 
         answer,
         os.fdopen(os.memfd_create("request"), "w+b", buffering=0) as words,
         Path("/proc/thread-self/ns/net").open("rb") as network,
+        Path("/proc/thread-self/ns/mnt").open("rb") as mounts,
     ):
         words.write(json.dumps(asdict(request)).encode())
-        descriptors = [answer.fileno(), words.fileno(), network.fileno(), *streams, *request.passed]
-        socket.send_fds(_server(settings), [b"!"], descriptors)
+        spaces = [network.fileno(), mounts.fileno()]
+        descriptors = [answer.fileno(), words.fileno(), *spaces, *streams, *request.passed]
+        socket.send_fds(_prepared(settings), [b"!"], descriptors)
     return Process(ours)
 
 
@@ -212,13 +219,19 @@ def _read_all(readers: Sequence[BinaryIO]) -> list[str]:
     return [text.decode() for text in texts]
 
 
+def _prepared(settings: _Settings) -> socket.socket:
+    if __name__ == "__main__":
+        return socket.socket(fileno=os.dup(_CHILDREN))
+    return server(sys.executable, settings)
+
+
 @cache
-def _server(settings: _Settings) -> socket.socket:
-    """One of each kind for this process of the tests, with settings for Ansible; it ends with it."""
+def server(python: str, settings: _Settings = frozenset()) -> socket.socket:
+    """Start the prepared process of a checkout, with settings for Ansible; it ends with the process of the tests."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
         process = subprocess.Popen(
-            [sys.executable, "-P", __file__, str(theirs.fileno())],
+            [python, "-P", __file__, str(theirs.fileno())],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             pass_fds=[theirs.fileno()],
@@ -233,13 +246,22 @@ def _server(settings: _Settings) -> socket.socket:
     return ours
 
 
+def client(descriptor: int) -> list[str]:
+    """Words that stand for `provision` where a shell or another program starts it; it inherits the `server`."""
+    python = Path(sys.base_prefix) / "bin" / f"python3.{sys.version_info.minor}"
+    return [str(python), "-I", "-S", str(Path(__file__).with_name("preforked_client.py")), str(descriptor)]
+
+
 class _Server:
     """Forks a child for each request, tells who asked how it ended, and kills it when nobody waits for it any more."""
 
     def __init__(self, control: socket.socket) -> None:
-        self.control = control
+        theirs, self.inner = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            os.dup2(theirs.fileno(), _CHILDREN, inheritable=False)
         self.selector = selectors.DefaultSelector()
-        self.selector.register(control, selectors.EVENT_READ, self._accept)
+        for one in (control, self.inner):
+            self.selector.register(one, selectors.EVENT_READ, partial(self._accept, one))
         self.request: list[int] | None = None
         """In a child: the descriptors that came for it."""
 
@@ -252,10 +274,11 @@ class _Server:
                     break
         return self.request
 
-    def _accept(self) -> None:
-        data, descriptors, *_ = socket.recv_fds(self.control, 1, 64)
+    def _accept(self, control: socket.socket) -> None:
+        data, descriptors, *_ = socket.recv_fds(control, 1, 64)
         if not data:
-            self.selector.unregister(self.control)
+            for one in (control, self.inner):
+                self.selector.unregister(one)
             return
         child = os.fork()
         if child == 0:
@@ -292,15 +315,16 @@ class _Server:
 
 
 def _become(descriptors: list[int]) -> str:
-    """Take the caller's place: its network, descriptors, environment, folder and words; give the module to run."""
-    _, words, network, *streams = [fcntl.fcntl(descriptor, fcntl.F_DUPFD, _HIGH) for descriptor in descriptors]
+    """Take the caller's place: its namespaces, descriptors, environment, folder and words; give the module to run."""
+    _, words, network, mounts, *streams = [fcntl.fcntl(descriptor, fcntl.F_DUPFD, _HIGH) for descriptor in descriptors]
     os.closerange(3, _HIGH)
     with os.fdopen(words, "rb") as file:
         file.seek(0)
         request = _Request(**json.load(file))
-    if os.fstat(network).st_ino != Path("/proc/self/ns/net").stat().st_ino:
-        libc = ctypes.CDLL(None, use_errno=True)
-        assert libc.setns(network, _NEW_NETWORK) == 0, os.strerror(ctypes.get_errno())
+    for space, name, kind in ((network, "net", _NEW_NETWORK), (mounts, "mnt", _NEW_MOUNTS)):
+        if os.fstat(space).st_ino != Path(f"/proc/self/ns/{name}").stat().st_ino:
+            libc = ctypes.CDLL(None, use_errno=True)
+            assert libc.setns(space, kind) == 0, os.strerror(ctypes.get_errno())
     for descriptor, number in zip(streams, (0, 1, 2, *request.passed), strict=True):
         os.dup2(descriptor, number)
     os.closerange(_HIGH, _HIGH + len(descriptors) + 1)
@@ -340,6 +364,8 @@ def _main() -> int:
             os.environ["ANSIBLE_HOME"] = home
         for name in (*PRELOADED, *(ANSIBLE if prepared else ())):
             import_module(name)
+        if not prepared:
+            import_module("atlantis_netcfg.operations.rehearsal").spawn = spawn  # type: ignore[attr-defined]
         assert ("ansible.constants" in sys.modules) == prepared
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.collect()

@@ -60,16 +60,17 @@ class Bench:
             text=True,
         )
 
-    def provision(self, *typed: str, code: int) -> str:
+    def run(self, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
         done = preforked.run([*typed, f"inventory={self.inventory}"], env=self.environment)
         assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
+        return done
+
+    def provision(self, *typed: str, code: int) -> str:
+        done = self.run(*typed, code=code)
         return done.stdout + done.stderr
 
     def json(self, *typed: str, code: int) -> dict[str, Any]:
-        process = self.start(*typed, "--json")
-        out, err = process.communicate(timeout=110)
-        assert process.returncode == code, f"exit {process.returncode}\n{out}\n{err}"
-        told: dict[str, Any] = json.loads(out)
+        told: dict[str, Any] = json.loads(self.run(*typed, "--json", code=code).stdout)
         return told
 
     def export(self) -> str:

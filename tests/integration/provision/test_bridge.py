@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import SpawnedSite, spawn
 from atlantis_netcfg.journal import RunResumed, Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal, site_spec
 from atlantis_netcfg.operations.request import Target
@@ -23,6 +23,8 @@ from atlantis_netcfg.rsc import parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.emulator.routeros import SpawnedSite
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 ENDS = ("coastal-cpe", "scc-cpe")
@@ -35,6 +37,12 @@ FAMILIES: dict[str, dict[str, str]] = {
     "wifi-wpa2": {**PLAIN, "width_mhz: 20": "width_mhz: 80\n    menus: wifi"},
     "wifi-wpa3": {**PLAIN, "802.11ac": "802.11ax\n    wpa: wpa3"},
 }
+
+
+@pytest.fixture(autouse=True)
+def prepared_twins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fork the emulated routers of a rehearsal from the process that has imported what they need."""
+    monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.spawn", preforked.spawn)
 
 
 def inventory(folder: Path, edits: Mapping[str, str]) -> Path:
@@ -179,7 +187,7 @@ def boxes(root: Path, folder: Path, **changed: Any) -> Iterator[SpawnedSite]:  #
     declaration = load(root)
     spec = site_spec(declaration, [declaration.hosts[name] for name in ENDS])
     twins = tuple(twin.model_copy(update={"router": twin.router.model_copy(update=changed)}) for twin in spec.twins)
-    with spawn(spec.model_copy(update={"twins": twins, "pairs": ()}), folder) as spawned:
+    with preforked.spawn(spec.model_copy(update={"twins": twins, "pairs": ()}), folder) as spawned:
         yield spawned
 
 

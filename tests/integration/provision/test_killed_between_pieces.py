@@ -10,6 +10,7 @@ import subprocess
 import time
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from hints_said import advised
 from quay import PROVISION, ROUTER, Quay, quay
@@ -62,14 +63,8 @@ def _signs(at: Quay) -> str:
 
 def laptop(at: Quay, name: str, *typed: str) -> tuple[int, dict[str, Any]]:
     """Type a command on another laptop, which shares nothing with the first one."""
-    done = subprocess.run(
-        [PROVISION, *dict.fromkeys([*typed, "--json", f"inventory={at.inventory}"])],
-        env=at.laptop(name),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = [*dict.fromkeys([*typed, "--json", f"inventory={at.inventory}"])]
+    done = preforked.run(words, env=at.laptop(name))
     assert done.stdout, done.stderr
     told: dict[str, Any] = json.loads(done.stdout)
     return done.returncode, told

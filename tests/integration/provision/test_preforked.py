@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import shlex
+import socket
 import subprocess
+import sys
 from pathlib import Path
 
 import preforked
@@ -104,3 +107,34 @@ def test_ansible_prints_and_ends_as_the_program_does(name: str, words: tuple[str
     assert (tmp_path / "errors").read_text() == program.stderr
     assert code == program.returncode
     assert [*home.rglob("ansible-local-*")] == []
+
+
+def test_a_shell_reaches_it_with_all_that_it_has_open(tmp_path: Path) -> None:
+    server = preforked.server(sys.executable).fileno()
+    authority = ("vpn", "init", "sealed=vault", "authority=here", "--passphrase-fd=3")
+    line = f"{shlex.join([*preforked.client(server), *authority])} 3<<<'mackerel lantern orbit velvet'"
+    line = f"{line}; exec {shlex.join([*preforked.client(server), 'site=costal', '--plan'])}"
+    done = subprocess.run(
+        ["bash", "-c", line],
+        cwd=tmp_path,
+        env={**os.environ, "ATLANTIS_STATE": str(tmp_path)},
+        pass_fds=[server],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 7
+    assert "did you mean `coastal`?" in done.stderr
+    assert [*(tmp_path / "here").rglob("ca.crt")] != []
+
+
+@pytest.mark.parametrize("code", [0, 6, -9])
+def test_who_is_typed_ends_as_the_child_does(code: int) -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs, subprocess.Popen(preforked.client(theirs.fileno()), pass_fds=[theirs.fileno()]) as typed:
+        _, descriptors, *_ = socket.recv_fds(ours, 1, 64)
+        with socket.socket(fileno=descriptors[0]) as answer:
+            answer.sendall(str(code).encode())
+        for descriptor in descriptors[1:]:
+            os.close(descriptor)
+    assert typed.returncode == code
