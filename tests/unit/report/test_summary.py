@@ -153,7 +153,7 @@ def test_the_worst_device_is_named_with_its_reason_and_its_hint() -> None:
 
 
 def test_a_path_that_is_longer_than_a_line_stays_whole() -> None:
-    path = "/srv/" + "a-b/" * 40
+    path = "/srv/" + "long-name/" * 16
     lines = last({"s": result(4, "refused", f"refused: {path}x", f"look at {path}")})
     assert [line.strip() for line in lines[4::2]] == [f"{path}x", path]
 
