@@ -189,7 +189,7 @@ def main(part: str = "", number: str = "60", seed: str = "1") -> int:
     packages, names, further = PARTS[part]
     modules = [file for package in packages for file in sorted((PACKAGE / package).rglob("*.py"))]
     lines = [line.split() for line in (ROOT / "tests" / "parts.txt").read_text("utf-8").splitlines()]
-    folders = [f"tests/{folder}" for name, *own in lines if name in names for folder in own]
+    folders = [f"tests/{folder}" for name, *folders in lines if name in names for folder in folders]
     store = ROOT / "build" / "mutants" / f"{part}.json"
     store.parent.mkdir(parents=True, exist_ok=True)
     reach = record(modules, [*folders, *(f"tests/{folder}" for folder in further)], store)

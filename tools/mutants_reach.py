@@ -120,7 +120,7 @@ def record(modules: list[Path], folders: list[str], store: Path) -> dict[str, An
         kept["imported"] = sorted({*kept["imported"], *imported})
         kept["libraries"] = sorted({*kept["libraries"], *libraries})
         for name in half.tests:
-            own = {test: found for test, found in reached.items() if test.partition("::")[0] == name}
-            kept["files"][name] = {"digest": tests[name], "tests": own}
+            tests_of_file = {test: found for test, found in reached.items() if test.partition("::")[0] == name}
+            kept["files"][name] = {"digest": tests[name], "tests": tests_of_file}
     store.write_text(json.dumps(kept))
     return kept
