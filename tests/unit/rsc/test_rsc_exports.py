@@ -127,7 +127,7 @@ def test_printing_tells_what_was_to_be_told(export: Export) -> None:
 
 
 @given(data=st.data())
-@settings(deadline=None, max_examples=4 * settings.default.max_examples)
+@settings(deadline=None, max_examples=4 * settings().max_examples)
 def test_a_damaged_text_is_read_or_refused_in_words(data: st.DataObject) -> None:
     """Never another error than ours; and what is read in spite of the damage is again stable."""
     name = data.draw(st.sampled_from(sorted(texts())))
