@@ -22,7 +22,7 @@ MARKERS = (
     "arm64: the processor of the gateways, emulated; `make test-arm64` runs it, once per release",
     "campaign: long tests that `make campaign` runs",
     "slow: takes more than a few seconds; `make test-full` runs it, and CI in one of its shards",
-    "smoke: a slow test that `make test` runs too: the one of its command or of its real counterpart",
+    "smoke(*cases): a slow test, or these of its cases, that `make test` runs too: one of each command and counterpart",
     "namespace: runs in a network namespace of its own and may connect beyond loopback there",
 )
 MACHINES = ("machine", "gateway", "bundle", "vpn_machine")
@@ -54,7 +54,11 @@ class Tier(StrEnum):
         for tier in (cls.ARM64, cls.CAMPAIGN):
             if tier in marks:
                 return tier
-        return cls.REST if "slow" in marks and "smoke" not in marks else cls.TEST
+        if "slow" not in marks:
+            return cls.TEST
+        case = test.name.partition("[")[2].removesuffix("]")
+        is_smoke = any(case in mark.args or not mark.args for mark in test.iter_markers("smoke"))
+        return cls.TEST if is_smoke else cls.REST
 
 
 def file_costs() -> dict[str, dict[Tier, float]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
 from conversation import Conversation
 from intent import CALLS, PINGS, RULES
 
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from stand import Stand
 
 
+@pytest.mark.smoke
 class TestLibrouteros(Conversation):
     client = "librouteros_client.py"
 

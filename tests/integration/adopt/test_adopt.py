@@ -40,6 +40,7 @@ def words(error: NetcfgError) -> str:
     return re.sub(r"SHA256:\S{43}", "…", f"{error}\n{error.hint}\n")
 
 
+@pytest.mark.smoke
 def test_a_box_becomes_an_adopted_router(box: Carton) -> None:
     result = box.adopt()
     assert (result.status, result.exit) == ("changed", ExitCode.DONE)

@@ -25,6 +25,7 @@ def checks(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=checkout(), capture_output=True, text=True, check=False)
 
 
+@pytest.mark.smoke
 def test_items_are_tests(tmp_path: Path) -> None:
     junit, answers = tmp_path / "checks.xml", tmp_path / "answers.yml"
     answers.write_text("name: A. Technician\nanswers:\n  eca-rov/usbl: {verdict: WARN, note: it jumps}\n")

@@ -111,6 +111,7 @@ def run(folder: Path) -> str:
         return journal.run
 
 
+@pytest.mark.smoke("bash")
 @pytest.mark.parametrize("shell", START)
 def test_a_line_is_completed_word_by_word(shell: str, tmp_path: Path) -> None:
     name = run(tmp_path)

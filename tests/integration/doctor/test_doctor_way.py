@@ -25,6 +25,7 @@ def verdicts(at: LaptopStand) -> dict[str, str]:
     return {name: item["verdict"] for name, item in at.look().items()}
 
 
+@pytest.mark.smoke
 def test_the_address_is_missing_and_what_is_advised_gives_it(at: LaptopStand) -> None:
     at.cable("eth0")
     found = at.look()

@@ -53,6 +53,7 @@ def wait_until(holds: Callable[[], bool], timeout_s: float = 60) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.smoke
 def test_a_computer_becomes_a_gateway(stand: Stand, ground: Lab, tmp_path: Path) -> None:  # noqa: F811 - fixtures
     planned = stand.run("--check")
     assert said(stand, "cat /etc/timezone") == "Etc/UTC"

@@ -99,6 +99,7 @@ def test_later_starts_are_silent_and_call_no_pip(made: Path, tmp_path: Path) -> 
     assert log.stat().st_mtime_ns == before
 
 
+@pytest.mark.smoke
 def test_arguments_and_exit_code_pass_untouched(made: Path) -> None:
     arguments = ["site=a b", "", "--", "-h", "it's", 'a "quote"', "$HOME", "*", "two\nlines", "ü…"]
     assert told(start(made, *arguments))["argv"] == arguments

@@ -61,6 +61,7 @@ def codes(report: LinksReport, bearer: str) -> list[str]:
     return [f"{one['verdict']} {one['code']}" for one in report.bearers[bearer]["findings"]]
 
 
+@pytest.mark.smoke
 def test_all_is_well(coastal: Bench) -> None:
     report = coastal.report()
     golden("coastal-well", report)

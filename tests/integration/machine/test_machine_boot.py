@@ -22,6 +22,7 @@ _SYS_TIME = 1 << 25
 _READ_BOUNDING_SET = "grep CapBnd /proc/self/status"
 
 
+@pytest.mark.smoke
 def test_it_boots_without_a_failed_unit(gateway: Machine) -> None:
     assert gateway.state(settled=True) == "running"
     assert gateway.run("systemctl --failed --plain --no-legend").stdout == ""
@@ -30,6 +31,7 @@ def test_it_boots_without_a_failed_unit(gateway: Machine) -> None:
     assert gateway.run("ip route show default").stdout.split()[2] == ROUTER
 
 
+@pytest.mark.smoke
 def test_root_logs_in_with_the_key_at_the_pinned_host(gateway: Machine, key: paramiko.PKey) -> None:
     assert ssh(gateway, key, "id -un; hostname") == "root\ncoastal-gateway\n"
     assert gateway.traffic.connections == 1

@@ -134,6 +134,7 @@ def at(tmp_path: Path) -> Iterator[Bench]:
         yield opened
 
 
+@pytest.mark.smoke("ssh")
 @pytest.mark.parametrize("serial", [False, True], ids=["ssh", "serial"])
 def test_two_commands_from_the_box_to_the_declared_state(at: Bench, serial: bool) -> None:  # noqa: FBT001
     adopted = at.json(*ADOPT, *at.via(serial), code=0)

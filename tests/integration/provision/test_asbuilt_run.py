@@ -33,6 +33,7 @@ def test_nothing_is_sent_over_a_paid_link_before_somebody_pays(at: Quay) -> None
     assert paid["spent"][ROUTER]["round_trips"] == 5
 
 
+@pytest.mark.smoke
 def test_a_box_that_was_replaced_or_is_away_is_told(at: Quay) -> None:
     at.configure()
     first = at.json(*HERE, code=0)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 
+@pytest.mark.smoke
 def test_both_doors_plan_and_do_the_same(tmp_path: Path) -> None:
     seen = []
     for name in ("provision", "playbook"):

@@ -117,6 +117,7 @@ def test_both_ends_are_set_up_as_one_and_a_second_run_finds_nothing(tmp_path: Pa
         assert "EXAMPLE" not in export.replace("EXAMPLE-ATLANTIS-PTP", ""), "a key in an export"
 
 
+@pytest.mark.smoke
 @pytest.mark.slow
 def test_the_run_is_recorded_at_both_sites_under_one_name(tmp_path: Path) -> None:
     root = inventory(tmp_path, {})

@@ -50,6 +50,7 @@ def test_nobody_pays_by_saying_yes_to_changes(at: Quay) -> None:
     assert not list(at.state.glob("real/coastal/runs/*"))
 
 
+@pytest.mark.smoke
 def test_what_is_agreed_to_is_sent_counted_and_billed(at: Quay) -> None:
     at.twins.do(ROUTER, "link", port="ether3")
     done = at.json(*DEAR, "--yes", "--accept-cost", code=0)

@@ -78,6 +78,7 @@ def golden(name: str, text: str) -> None:
     assert masked(text) == path.read_text(encoding="utf-8"), f"{path}\n{masked(text)}"
 
 
+@pytest.mark.smoke
 def test_what_a_stranger_did_is_told_and_put_right(at: Quay, tmp_path: Path) -> None:
     at.provision("site=coastal", "--yes", code=0)
     assert "coastal-router: as declared\n" in at.provision("drift", "site=coastal", code=0).stdout

@@ -153,6 +153,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
         yield opened
 
 
+@pytest.mark.smoke("plan-texts")
 @pytest.mark.parametrize(("asked", "said"), list(_sampled(ASKING, SAID)))
 def test_nothing_of_it_is_obeyed(at: Quay, tmp_path: Path, asked: str, said: str) -> None:
     at.program = (asked, said) == ("drift", "texts")

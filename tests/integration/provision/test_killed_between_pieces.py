@@ -77,6 +77,7 @@ def whole(at: Quay) -> None:
     assert not any(row["unfinished"] for row in at.runs())
 
 
+@pytest.mark.smoke
 def test_the_same_command_typed_again_goes_on(at: Quay) -> None:
     killed_between_pieces(at)
     assert at.json(*RUN, code=0)["devices"][ROUTER]["status"] == "changed"

@@ -29,6 +29,7 @@ def berth(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Quay]:
         yield opened
 
 
+@pytest.mark.smoke
 def test_a_look_reads_and_changes_nothing(berth: Quay) -> None:
     before, entries = berth.export(), berth.do("console", words=["/system/history/print"])
     berth.do("reset")

@@ -92,6 +92,7 @@ def at(tmp_path: Path) -> Iterator[tuple[Path, RunningRutos]]:
         yield inventory, running
 
 
+@pytest.mark.smoke
 @pytest.mark.namespace
 def test_a_unit_at_its_address_is_met_set_and_left_alone(at: tuple[Path, RunningRutos], tmp_path: Path) -> None:
     inventory, running = at

@@ -86,6 +86,7 @@ def test_runs_and_pins_are_listed_as_they_were(older: Path) -> None:
     assert [row for row in kept if row in expected["runs"]] == expected["runs"]
 
 
+@pytest.mark.smoke
 @pytest.mark.namespace
 def test_a_run_is_rolled_back(older: Path, tmp_path: Path) -> None:
     (first, *_) = sorted(path.name for path in (older / "confirmed/real/coastal/runs").iterdir())

@@ -28,6 +28,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
         yield opened
 
 
+@pytest.mark.smoke
 def test_nothing_is_sent_before_somebody_pays_and_nothing_is_left_behind(at: Quay) -> None:
     before = at.export()
     refused = at.provision("prove", "site=coastal", "bearer=satellite", code=4)

@@ -28,6 +28,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
         yield opened
 
 
+@pytest.mark.smoke
 def test_a_run_is_recorded_backed_up_and_rolled_back(at: Quay) -> None:
     before = at.export()
     first = at.json("site=coastal", "--yes", code=0)
@@ -97,6 +98,7 @@ def test_what_a_person_agrees_to_is_done(at: Quay) -> None:
     assert at.export().splitlines() == before.splitlines()
 
 
+@pytest.mark.smoke
 def test_a_killed_run_is_resumed(at: Quay) -> None:
     at.twins.do(ROUTER, "link", delay_s=0.15)
     with subprocess.Popen(

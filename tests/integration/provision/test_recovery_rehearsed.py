@@ -31,6 +31,7 @@ def untouched(at: Quay) -> tuple[str, list[dict[str, Any]]]:
     return at.export(), at.runs()
 
 
+@pytest.mark.smoke
 def test_a_rollback_is_planned_rehearsed_and_done(at: Quay) -> None:
     before = at.export()
     at.configure()

@@ -38,6 +38,7 @@ def provision(state: Path, *typed: str, code: int, program: bool = False) -> sub
     return done
 
 
+@pytest.mark.smoke("coastal")
 @pytest.mark.slow
 @pytest.mark.parametrize("site", ROUTERS)
 def test_a_site_converges_and_the_second_pass_finds_nothing(site: str, tmp_path: Path) -> None:

@@ -47,6 +47,7 @@ def of_any_box(export: str) -> str:
     return re.sub(r"(?<=mac-address=)\\\n +48:A9:8A:[0-9A-F:]+", "OWN", export)
 
 
+@pytest.mark.smoke
 def test_a_replacement_becomes_what_the_lost_router_was(at: Quay) -> None:
     lost = provisioned(at)
     assert "printer" in lost

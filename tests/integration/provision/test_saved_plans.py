@@ -32,6 +32,7 @@ def plan(at: Quay, tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.smoke
 def test_a_saved_plan_is_carried_out_and_then_there_is_nothing_left(at: Quay, plan: Path) -> None:
     assert plan.stat().st_mode & 0o777 == 0o600
     assert "+ add address=10.64.1.1/24" in json.loads(plan.read_text())["text"]

@@ -68,6 +68,7 @@ def goes_on(at: Quay, command: list[str]) -> None:
     assert not any(row["unfinished"] for row in at.runs())
 
 
+@pytest.mark.smoke("2")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_stop_settles_the_device(at: Quay, number: signal.Signals) -> None:
     before = at.export()

@@ -82,6 +82,7 @@ def test_plain_ansible_refuses_a_router_that_is_not_declared(at: Quay, nobody: I
     assert (nobody.handshakes >= 1, bytes(nobody.heard), trusted(at)) == (True, b"", None)
 
 
+@pytest.mark.smoke
 def test_a_person_is_shown_the_certificate_and_agrees(at: Quay) -> None:
     shown = at.twins.ready[ROUTER]["pin"]
     refused = at.typed("trust", "site=coastal", f"only={ROUTER}", answer="no", code=4)

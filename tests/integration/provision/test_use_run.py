@@ -60,6 +60,7 @@ def technician(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Tech
         yield somebody
 
 
+@pytest.mark.smoke
 def test_it_is_told_by_every_command_and_ends_by_itself(technician: Technician) -> None:
     before = technician.at.export()
     assert "4g carries the traffic of coastal until" in technician.type(*LINK)

@@ -92,6 +92,7 @@ def test_a_password_is_typed_for_a_rehearsal(tmp_path: Path) -> None:
     _left_nowhere(tmp_path, done)
 
 
+@pytest.mark.smoke
 @pytest.mark.namespace
 def test_a_password_that_is_typed_reaches_the_run(tmp_path: Path) -> None:
     with quay(tmp_path) as at:

@@ -48,6 +48,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
         yield opened
 
 
+@pytest.mark.smoke
 @pytest.mark.slow
 @pytest.mark.namespace
 def test_a_router_on_the_quay(at: Quay) -> None:

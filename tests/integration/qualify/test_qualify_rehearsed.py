@@ -26,6 +26,7 @@ def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProces
     return done
 
 
+@pytest.mark.smoke
 @pytest.mark.slow
 def test_a_link_that_does_not_carry_the_traffic_is_measured_and_the_router_counts_it_alone(tmp_path: Path) -> None:
     """The satellite is the last of three links, so only our routing rule can have led the packets there."""

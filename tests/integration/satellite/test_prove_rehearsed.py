@@ -23,6 +23,7 @@ def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProces
     return done
 
 
+@pytest.mark.smoke
 @pytest.mark.slow
 def test_the_emulated_router_refuses_what_is_not_declared(tmp_path: Path) -> None:
     told: dict[str, Any] = json.loads(

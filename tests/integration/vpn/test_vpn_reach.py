@@ -48,6 +48,7 @@ def reach(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reach]:
         yield Reach(made, Probes(made, ends, UDP_PORTS), policy(declaration, membership))
 
 
+@pytest.mark.smoke
 def test_everybody_reaches_whom_he_may_and_nobody_else(reach: Reach) -> None:
     """One test, so that two workers of xdist do not make a stand each."""
     for check in CHECKS:

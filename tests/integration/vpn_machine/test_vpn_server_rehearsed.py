@@ -33,6 +33,7 @@ def provision(state: Path, *words: str, code: int, **more: str) -> dict[str, obj
     return told
 
 
+@pytest.mark.smoke
 def test_the_real_server_runs_and_nothing_is_left(tmp_path: Path) -> None:
     if (reason := why_not()) is not None:
         pytest.skip(reason)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -25,6 +25,10 @@ def test_slow(): pass
 @pytest.mark.smoke
 def test_smoke(): pass
 @pytest.mark.slow
+@pytest.mark.smoke("one", "two")
+@pytest.mark.parametrize("case", ["one", "two", "three"])
+def test_cases(case): pass
+@pytest.mark.slow
 @pytest.mark.campaign
 def test_campaign(): pass
 @pytest.mark.slow
@@ -41,16 +45,6 @@ def rules(pytestconfig: pytest.Config) -> Any:  # noqa: ANN401 - a conftest is n
         if isinstance(plugin, ModuleType) and Path(plugin.__file__ or "") == CONFTEST
     ]
     return found
-
-
-def test_every_combination_of_marks_has_a_tier(rules: Any) -> None:  # noqa: ANN401
-    names = [text.partition(":")[0] for text in rules.MARKERS]
-    for count in range(len(names) + 1):
-        for marks in itertools.combinations(names, count):
-            test = SimpleNamespace(iter_markers=lambda marks=marks: [SimpleNamespace(name=name) for name in marks])
-            tier = rules.Tier.of(test)
-            assert tier == ("test" if not {"slow", "campaign", "arm64"} & set(marks) else tier)
-            assert (tier == "rest") == ({"slow", "smoke", "campaign", "arm64"} & set(marks) == {"slow"})
 
 
 def test_the_makefile_runs_each_tier_and_ci_runs_what_is_not_a_campaign(rules: Any) -> None:  # noqa: ANN401
@@ -79,12 +73,12 @@ def test_each_test_runs_in_one_tier_and_one_shard(pytester: pytest.Pytester, mon
         return re.findall(r"^(\S+::\S+) PASSED", result.stdout.str(), re.MULTILINE)
 
     tiers = {tier: run("--tier", tier) for tier in ("test", "rest", "campaign", "arm64")}
-    names = {tier: {name.partition("::")[2].partition("[")[0] for name in tests} for tier, tests in tiers.items()}
+    names = {tier: {name.partition("::")[2] for name in tests} for tier, tests in tiers.items()}
     assert names == {
-        "test": {"test_quick", "test_smoke"},
-        "rest": {"test_slow"},
+        "test": {"test_quick", "test_smoke", "test_cases[one]", "test_cases[two]"},
+        "rest": {"test_slow", "test_cases[three]"},
         "campaign": {"test_campaign"},
-        "arm64": {"test_arm64"},
+        "arm64": {"test_arm64[1]"},
     }
     assert sorted(itertools.chain(*tiers.values())) == sorted(run())
     shards = [run("--tier", "rest", "--shard", f"{number}/3") for number in (1, 2, 3)]
