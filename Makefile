@@ -37,7 +37,7 @@ test: ## run the tests that everyone runs, in ten minutes; installs what they ne
 test-full: ## run all tests; with SHARD=2/3 the second third of what `make test` leaves out
 	@tools/develop system
 	@tools/strangers
-	@tools/trees
+	@tools/trees full
 	$(PYTEST) $(if $(SHARD),--shard $(SHARD),--tier test) --tier rest $(ARGS)
 
 affected: ## run the tests that import what has changed since main (BASE=REVISION)

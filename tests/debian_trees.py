@@ -1,10 +1,8 @@
-"""The Debian trees that tests start machines from; `tools/trees [campaign]` builds them before the tests do."""
+"""The Debian trees that tests start machines from; `tools/trees [full|campaign]` builds them before the tests do."""
 
 from __future__ import annotations
 
-import os
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from atlantis_netcfg.declaration import load
@@ -19,22 +17,26 @@ CONTAINERS = TreeSpec(packages=tuple(sorted({*GATEWAY.packages, *PACKAGES})))
 NETWORK = TreeSpec(packages=("ifupdown", "netplan.io"))
 CLOCK = TreeSpec(packages=("chrony", "fake-hwclock", "linux-image-cloud-amd64", "locales", "nftables", "wpasupplicant"))
 RADIOS = TreeSpec(packages=("hostapd", "iputils-ping", "iw", "linux-image-amd64", "wpasupplicant"))
-TREES = (CONTAINERS, GATEWAY, NETWORK, BARE)
-CAMPAIGN = (CLOCK, RADIOS)
-"""Trees of the campaign alone: whole computers with a kernel."""
+TREES = {
+    "test": (GATEWAY, BARE),
+    "full": (CONTAINERS, GATEWAY, NETWORK, BARE),
+    "campaign": (CONTAINERS, GATEWAY, NETWORK, BARE, CLOCK, RADIOS),
+}
+"""By what is run: `make test`, all tests, or the campaign, which also needs whole computers with a kernel."""
 
 
 def main(words: list[str]) -> int:
     """Build the trees that are missing; say in one line why machines cannot run here, which is no failure."""
-    if words not in ([], ["campaign"]):
-        sys.stderr.write(f"error: unknown argument `{' '.join(words)}`; type: tools/trees [campaign]\n")
+    name = " ".join(words) or "test"
+    if name not in TREES:
+        sys.stderr.write(f"error: unknown argument `{name}`; type: tools/trees [full|campaign]\n")
         return 3
     if (reason := why_not()) is not None:
         sys.stdout.write(f"      tests of machines are skipped: {reason}\n")
         return 0
     try:
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(build_rootfs, (*TREES, *(CAMPAIGN if words else ()))))
+        for spec in TREES[name]:
+            build_rootfs(spec)
     except MachineFailed as error:
         sys.stderr.write(f"error: {error}\n       {error.hint}\n")
         return 3

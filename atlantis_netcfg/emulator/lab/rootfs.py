@@ -163,20 +163,23 @@ def _build(spec: TreeSpec, half: Path, made: Path, lock: int) -> None:
 
 
 def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedProcess[str]:
-    """Run it with the lock in its hands: it may outlive us, and the next builder has to wait for its end."""
+    """Run it with the locks in its hands: it may outlive us, and the next builder has to wait for its end.
+
+    Trees are built one after another: a build fails if another one changes the shared packages while it copies them.
+    """
     hooks = [f"--customize-hook={hook}" for hook in _HOOKS]
     mirror = [] if spec.mirror is None else [spec.mirror]
     include = f"--include={','.join(spec.wanted)}"
     kind = ("--mode=root", "--format=directory", "--variant=minbase")
-    debs = _kept_debs(half.parent / "debs")
-    return output_of(
-        ("mmdebstrap", *kind, include, *_QUICK, *debs, *hooks, spec.release, str(half), *mirror), keep=(lock,)
-    )
+    debs = half.parent / "debs"
+    debs.mkdir(exist_ok=True)
+    command = ("mmdebstrap", *kind, include, *_QUICK, *_kept_debs(debs), *hooks, spec.release, str(half), *mirror)
+    with _locked(debs, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX) as packages:
+        return output_of(command, keep=(lock, packages))
 
 
 def _kept_debs(debs: Path) -> tuple[str, ...]:
     """How mmdebstrap is told to fetch a package once for all trees; apt fetches again what does not fit its list."""
-    debs.mkdir(exist_ok=True)
     place, inside = shlex.quote(str(debs)), "/var/cache/apt/archives"
     return (
         *("--skip=download/empty", "--skip=essential/unlink"),
