@@ -90,3 +90,11 @@ def test_the_table_of_costs_names_files_and_make_test_stays_within_its_budget(ru
     costs = rules.file_costs()
     assert [path for path in costs if not (ROOT / path).is_file()] == []
     assert sum(tiers[rules.Tier.TEST] for tiers in costs.values()) <= TEST_CPU_S
+
+
+def test_the_page_about_testing_names_files_that_are_there() -> None:
+    page = (ROOT / "docs" / "engineers" / "testing.md").read_text()
+    rows = page.partition("## What holds each guarantee")[2]
+    named = re.findall(r"`(tests/[\w/]+\.py)`", rows)
+    assert len(named) > 20
+    assert [path for path in named if not (ROOT / path).is_file()] == []
