@@ -93,7 +93,6 @@ def terminals() -> Iterator[Callable[[], Terminal]]:
         terminal.process.wait()
 
 
-@pytest.mark.timeout(240)
 def test_ctrl_c_at_a_question_and_on_to_the_signature(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path_factory: pytest.TempPathFactory,

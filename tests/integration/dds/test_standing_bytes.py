@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 SHIPPED = Path(__file__).parents[3] / "inventory"
 PROGRAM = Path(__file__).with_name("programs") / "python_peer.py"
 GATEWAY, CENTRE = "coastal-gateway", "scc-control"

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 PROGRAMS = Path(__file__).with_name("programs")
 SHIPPED = Path(__file__).parents[3] / "inventory"
 HOSTS = {GATEWAY: ("coastal-gateway", "satellite"), CENTRE: ("scc-control", "uplink")}

@@ -22,7 +22,7 @@ from atlantis_netcfg.gateway.base import gateway_base
 if TYPE_CHECKING:
     from gateway_stand import Key, Start
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 CONF = "/etc/atlantis/radios/wlan1.conf"
 NETWORK = "/etc/systemd/network/04-atlantis-radio-wlan0-girona500.network"

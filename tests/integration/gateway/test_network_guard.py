@@ -16,7 +16,7 @@ from network_stand import STATE, NetworkStand, network_stand, other, wanted
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 EVERY = pytest.mark.parametrize("by", ["netplan", "ifupdown", "networkd"])
 SAMPLED = pytest.mark.parametrize(
     "by", ["netplan", *(pytest.param(by, marks=pytest.mark.campaign) for by in ("ifupdown", "networkd"))]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Lab, Machine
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 ADHOC = PLAYBOOK.removesuffix("-playbook")
 SOURCE, KEYRING = "/etc/apt/sources.list.d/own.sources", "/usr/share/keyrings/own.gpg"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Lab
 
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 INCOMING = "/srv/recordings/.incoming/coastal-gateway"
 
 

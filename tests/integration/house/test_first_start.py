@@ -13,7 +13,7 @@ from house_checkout import as_nobody, clean_environment, let_others_pass, shared
 if TYPE_CHECKING:
     from pathlib import Path
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="session")

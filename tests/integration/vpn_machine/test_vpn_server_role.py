@@ -22,7 +22,7 @@ from atlantis_netcfg.vpn.identity import KeyType, MemberLink
 if TYPE_CHECKING:
     from vpn_server_stand import Stand
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 EXPOSURE = 2.6
 """At most, of 10, as `systemd-analyze security` counts it; Debian's own unit has 7.5."""
 
