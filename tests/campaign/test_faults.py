@@ -95,7 +95,6 @@ def fault_records(request: pytest.FixtureRequest, references: Path) -> Path:
     return named or references.with_name("campaign.jsonl")
 
 
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("seeds", SAMPLE, ids=str)
 def test_a_sample_of_faults(tmp_path: Path, references: Path, seeds: tuple[int, ...]) -> None:
     records = play(seeds, tmp_path / "rounds", references)

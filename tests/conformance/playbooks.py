@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 from intent import MENUS, NOT_IN_COMMUNITY
 from stand import STRANGERS, environment, text
+from waiting import HANG_S
 
 from atlantis_netcfg.routeros import desired
 from atlantis_netcfg.routeros.menus import MENUS as TABLE
@@ -24,7 +25,6 @@ __all__ = ["intent_tasks", "menu_of", "path_of", "play"]
 _POE = ("poe-out", "poe-priority")
 _ALSO = {"memory": {"target": "memory"}}
 """Its table asks for the target of a log action, which we leave as the factory has it."""
-_PATIENCE_S = 110
 
 
 def path_of(menu: str) -> str:
@@ -114,7 +114,7 @@ def play(at: Stand, tasks: Sequence[Mapping[str, Any]], **host: str | int) -> di
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=_PATIENCE_S,
+        timeout=HANG_S,
         check=False,
     )
     assert done.stdout.lstrip().startswith("{"), f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"

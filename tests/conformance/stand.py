@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
@@ -41,7 +42,6 @@ STRANGER = User(name="stranger", password="as they come")
 PRESENT = pytest.mark.skipif(
     not (STRANGERS / "stamp").exists(), reason="no .venv-strangers here: `tools/strangers` makes it"
 )
-_PATIENCE_S = 60
 
 
 @cache
@@ -134,7 +134,7 @@ def run(client: str, job: Mapping[str, Any], folder: Path) -> Any:  # noqa: ANN4
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=_PATIENCE_S,
+        timeout=HANG_S,
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, ""), f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"

@@ -16,7 +16,6 @@ NO_STRANGERS = "no .venv-strangers here: `tools/strangers` makes it"
 
 @pytest.mark.slow
 @pytest.mark.namespace
-@pytest.mark.timeout(600)
 def test_the_bench_runs_and_writes_its_page(tmp_path: Path) -> None:
     if not (ROOT / ".venv-strangers" / "stamp").exists():
         pytest.skip(NO_STRANGERS)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 EVERY = set(itertools.permutations(MEMBERS, 2))
 """Speaker and listener."""
 ITEMS = ("vpn", "data-reaches-scc", "dds")

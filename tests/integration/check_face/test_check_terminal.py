@@ -10,6 +10,7 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.cli import main
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 WORDS = ("check", "site=coastal", "vehicle=eca-rov", "--rehearse")
-PATIENCE_S = 60
 AGAIN_S = 5
 """After so long somebody presses it once more."""
 AT_A_TERMINAL = """
@@ -42,9 +42,8 @@ class Terminal:
         self.seen = ""
 
     def answers(self, question: str, answer: str) -> None:
-        until = time.monotonic() + PATIENCE_S
         while question not in self.seen:
-            ready, _, _ = select.select([self.ours], [], [], max(0.0, until - time.monotonic()))
+            ready, _, _ = select.select([self.ours], [], [], HANG_S)
             assert ready, f"`{question}` was never asked: {self.seen}"
             self.seen += self._read()
         self.seen = self.seen.partition(question)[2]
@@ -69,7 +68,7 @@ class Terminal:
         while more := self._read():
             self.seen += more
         os.close(self.ours)
-        return self.process.wait(PATIENCE_S), self.seen.replace("\r\n", "\n")
+        return self.process.wait(HANG_S), self.seen.replace("\r\n", "\n")
 
     def _read(self) -> str:
         try:
@@ -93,7 +92,6 @@ def terminals() -> Iterator[Callable[[], Terminal]]:
         terminal.process.wait()
 
 
-@pytest.mark.timeout(240)
 def test_ctrl_c_at_a_question_and_on_to_the_signature(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path_factory: pytest.TempPathFactory,

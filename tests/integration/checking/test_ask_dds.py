@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -14,6 +13,7 @@ from typing import IO, TYPE_CHECKING
 
 import pytest
 from own_asked import GATEWAY, check, findings, inside
+from waiting import wait_until
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.gateway.dds import profile_views, profiles
@@ -149,10 +149,8 @@ def participant(
 
 def _bound(namespace: str, port: int) -> None:
     """Wait until somebody has a port: Fast DDS does not hear of itself."""
-    end = time.monotonic() + 20
     table = ["ip", "netns", "exec", namespace, "cat", "/proc/net/udp"]
-    while f":{port:04X} " not in subprocess.run(table, capture_output=True, text=True, check=True).stdout:
-        assert time.monotonic() < end
+    wait_until(lambda: f":{port:04X} " in subprocess.run(table, capture_output=True, text=True, check=True).stdout)
 
 
 @contextmanager

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.cli._session import CommandSession
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
+pytestmark = pytest.mark.slow
 
 SITE = "coastal"
 STICKS = "stork/rc_rf/sticks"

@@ -13,7 +13,6 @@ import struct
 import subprocess
 import sys
 import termios
-import time
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING
 
 import pyte
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.journal import RunStarted, Store
 
@@ -57,13 +57,11 @@ class Terminal:
     def text(self) -> str:
         return "\n".join(row.rstrip() for row in self.screen.display).rstrip()
 
-    def until(self, pattern: str, *, anywhere: bool = False, within_s: float = 30.0) -> None:
+    def until(self, pattern: str, *, anywhere: bool = False) -> None:
         """Read until the line up to the cursor, or the whole screen, matches."""
-        end = time.monotonic() + within_s
         while not re.search(pattern, self.text if anywhere else self.line):
-            ready, _, _ = select.select([self.descriptor], [], [], max(0.0, end - time.monotonic()))
-            if not ready:
-                pytest.fail(f"never seen: {pattern}\n{self.text}")
+            ready, _, _ = select.select([self.descriptor], [], [], HANG_S)
+            assert ready, f"never seen: {pattern}\n{self.text}"
             self.stream.feed(os.read(self.descriptor, 65536))
 
 

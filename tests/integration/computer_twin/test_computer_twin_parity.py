@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.checklist.probes import CommandResult
 from atlantis_netcfg.checklist.probes.site_checks.parse import addresses, neighbours
@@ -84,7 +85,7 @@ def real() -> Mapping[str, Printed]:
     asked = json.dumps([command.split() for command in COMMANDS])
     become = () if os.geteuid() == 0 else ("--user", "--map-root-user")
     words = ["unshare", *become, "--net", sys.executable, str(program)]
-    done = subprocess.run(words, input=asked, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(words, input=asked, capture_output=True, text=True, timeout=HANG_S, check=True)
     return dict(zip(COMMANDS, (tuple(one) for one in json.loads(done.stdout)), strict=True))
 
 
@@ -143,7 +144,7 @@ def test_certificates_are_printed_as_openssl_does(tmp_path: Path) -> None:
     path = tmp_path / "identity"
     path.write_text(f"# ours\n<cert>\n{pem}</cert>\n<tls-crypt-v2>\n{wrap}</tls-crypt-v2>\n", encoding="ascii")
     words = ["openssl", "storeutl", "-noout", "-text", "-certs", str(path)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=HANG_S, check=False)
     until = datetime(2026, 3, 15, 7, 8, 9, tzinfo=UTC)
     told = CertificateSpec(subject="coastal-gateway", issuer="coastal-gateway", not_before=since, not_after=until)
     spec = SPEC.model_copy(update={"certificates": {str(path): (told,)}})

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import pytest
 from matrix_papers import host
 from matrix_stand import Vpn, vpn
+from waiting import wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 GATEWAY, ROUTER, CENTRE = "gateway", "router", "centre"
 DEFAULT_DOMAIN = 12
 """For participants without a profile; they announce themselves to port 7400 + 250 * 12 of a multicast address."""
-_PATIENCE_S = 20.0
 _NUMBERS = itertools.count()
 
 
@@ -171,9 +171,8 @@ def _wire(stand: Stand, who: str, address: str, router: str) -> None:
     stand.run(who, "ip", "address", "add", f"{address}/24", "dev", "eth0")
     stand.run(who, "ip", "link", "set", "eth0", "up")
     stand.run(who, "ip", "route", "add", "default", "via", router)
-    end = time.monotonic() + _PATIENCE_S
-    while stand.run(who, "cat", "/sys/class/net/eth0/operstate") != "up\n":  # Fast DDS passes others over for good
-        assert time.monotonic() < end
+    # Fast DDS passes others over for good.
+    wait_until(lambda: stand.run(who, "cat", "/sys/class/net/eth0/operstate") == "up\n")
 
 
 @dataclass

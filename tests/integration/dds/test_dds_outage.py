@@ -39,7 +39,7 @@ _MEET_S = 70.0
 """Three announcements of the satellite's profile; those who have met are not waited for."""
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 
 @dataclass(frozen=True)

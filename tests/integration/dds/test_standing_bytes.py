@@ -24,6 +24,7 @@ from dds_stand import Participant
 from matrix_papers import host
 from matrix_stand import NET, SERVER, Vpn, vpn
 from slow_link import DELAY_S, DOWN_BPS, UP_BPS
+from waiting import HANG_S
 
 from atlantis_netcfg.bearers.standing import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, published
 from atlantis_netcfg.declaration import load
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 SHIPPED = Path(__file__).parents[3] / "inventory"
 PROGRAM = Path(__file__).with_name("programs") / "python_peer.py"
 GATEWAY, CENTRE = "coastal-gateway", "scc-control"
@@ -167,9 +168,9 @@ def test_the_vpn_and_dds_over_the_satellite(tmp_path: Path, monkeypatch: pytest.
         made.run(GATEWAY, "nft", "-f", "-", text=_COUNT)
         both = [speaker(made, name, tmp_path) for name in (GATEWAY, CENTRE)]
         for one in both:
-            assert one.wait(lambda one=one: len(one.heard()) > 20, time.monotonic() + 60), one.lines  # type: ignore[misc]
+            assert one.wait(lambda one=one: len(one.heard()) > 20, time.monotonic() + HANG_S), one.lines  # type: ignore[misc]
         reader, _ = reliable(made, CENTRE, "read", tmp_path), reliable(made, GATEWAY, "write", tmp_path)
-        assert reader.wait(lambda: len(reader.heard()) > 3, time.monotonic() + 60), reader.lines
+        assert reader.wait(lambda: len(reader.heard()) > 3, time.monotonic() + HANG_S), reader.lines
         before = [read(made, name) for name in ("reliable_up", "reliable_down")]
         counted = count(made, 8 * _ANNOUNCE_S)
         inside = [

@@ -28,6 +28,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 from quay import _inventory
+from waiting import HANG_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -82,7 +83,7 @@ class LaptopStand:
         (server,) = self.servers
         self.servers.clear()
         server.terminate()
-        out, _ = server.communicate(timeout=10)
+        out, _ = server.communicate(timeout=HANG_S)
         return out.splitlines()
 
     def type(self, *words: str) -> subprocess.CompletedProcess[str]:

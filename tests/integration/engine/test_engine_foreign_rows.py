@@ -229,7 +229,6 @@ def test_a_rule_that_only_rows_of_others_kept_from_us_is_objected_to(tmp_path: P
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("number", [2_000, pytest.param(10_000, marks=pytest.mark.campaign)])
 def test_thousands_come_and_go(tmp_path: Path, number: int) -> None:
     """Planned, refused, removed and nothing left to do, over TLS, in a time that grows with their number alone."""

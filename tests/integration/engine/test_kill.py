@@ -6,7 +6,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from engine_bench import PASSWORD, TEXT, leases, without_header
+from waiting import wait_until
 
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 from atlantis_netcfg.journal import Run, Store
@@ -60,9 +60,7 @@ class Quay:
 
     def settled(self) -> str:
         """The export once the router has noticed that its client has died."""
-        until = time.monotonic() + 10
-        while "=enabled=true" in str(self.site.do("router", "console", words=["/safe-mode/print"])):
-            assert time.monotonic() < until
+        wait_until(lambda: "=enabled=true" not in str(self.site.do("router", "console", words=["/safe-mode/print"])))
         return self.export()
 
     @property

@@ -7,11 +7,11 @@ in `test_retrieval_role.py`.
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from gateway_stand import SHIPPED
+from waiting import wait_until
 
 from atlantis_netcfg.declaration.model import Retrieval, ServerComputer
 from atlantis_netcfg.gateway.retrieval import PROGRAM, SERVICE, retrieval
@@ -85,17 +85,20 @@ class Ends:
         assert (told := self.ask("start", **wish)) == {"started": True, "source": self.source}, told
         return look
 
-    def ended(self, timeout_s: float = 60) -> dict[str, Any]:
+    def ended(self) -> dict[str, Any]:
         """How it has ended."""
-        return self.until(lambda told: not told["running"] and not told["job"], timeout_s)
+        return self.until(lambda told: not told["running"] and not told["job"])
 
-    def until(self, holds: Any, timeout_s: float = 60) -> dict[str, Any]:  # noqa: ANN401 - a test of an answer
+    def until(self, holds: Any) -> dict[str, Any]:  # noqa: ANN401 - a test of an answer
         """What is told once it is so."""
-        end = time.monotonic() + timeout_s
-        while not holds(told := self.ask("status")):
-            journal = self.gateway.run(f"journalctl --no-pager -qu {SERVICE} | tail -20").stdout
-            assert time.monotonic() < end, f"{told}\n{journal}"
-            time.sleep(0.2)
+        told: dict[str, Any] = {}
+
+        def so() -> bool:
+            told.clear()
+            told.update(self.ask("status"))
+            return bool(holds(told))
+
+        wait_until(so, lambda: (told, self.gateway.run(f"journalctl --no-pager -qu {SERVICE} | tail -20").stdout), 0.2)
         return told
 
     def cut(self, machine: Machine | None = None, *, up: bool = False) -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Lab, Machine
 
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 UNIT = "atlantis-service-backend.service"
 FOLDER = "/etc/atlantis/containers"
 

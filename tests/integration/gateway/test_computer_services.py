@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Machine
 
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 UNIT = "atlantis-service-backend.service"
 BACKEND: dict[str, Any] = {
     "name": "backend",

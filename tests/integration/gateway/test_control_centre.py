@@ -15,7 +15,7 @@ import pytest
 from atlantis_netcfg.emulator.lab import why_not
 
 CHECKOUT = Path(__file__).parents[3]
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = pytest.mark.slow
 STATION = """\
 ---
 device:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Answer
     from atlantis_netcfg.emulator.lab import Lab
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 NAME = "coastal-gateway"
 OTHER_KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import subprocess
 import threading
-import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from gateway_role import NAME, Stand
 from gateway_stand import FREE_CLOCK, ground, machine, ssh, technician  # noqa: F401 - fixtures
+from waiting import wait_until
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
     from gateway_stand import Key, Start
 
     from atlantis_netcfg.emulator.lab import Lab
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 CONF = "/etc/chrony/chrony.conf"
 
@@ -44,13 +43,6 @@ def logs_in(stand: Stand, folder: Path) -> bool:
     """Whether a new session by key is let in."""
     words = [*ssh(stand.gateway, stand.key, folder), "-o", "ConnectTimeout=5", "true"]
     return subprocess.run(words, check=False, capture_output=True).returncode == 0
-
-
-def wait_until(holds: Callable[[], bool], timeout_s: float = 60) -> None:
-    end = time.monotonic() + timeout_s
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.05)
 
 
 @pytest.mark.smoke

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 ACCOUNT = "odroid"
 """Becomes root by sudo, as on the vendor's image."""

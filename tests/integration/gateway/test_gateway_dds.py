@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 READER = "atlantis-data-gateway.service"
 UNIT = "[Service]\nEnvironmentFile=-/etc/atlantis/ros.env\nExecStart=/bin/sleep infinity\n"

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Lab
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 TOKEN = "EXAMPLE-CANARY-of-interop"
 CURRENT = "/opt/atlantis/interop/current"

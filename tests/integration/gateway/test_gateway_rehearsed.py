@@ -14,7 +14,7 @@ from atlantis_netcfg.emulator.lab import NOT_REHEARSED, stubs, why_not
 
 CHECKOUT = Path(__file__).parents[3]
 HOST = "coastal-gateway"
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = pytest.mark.slow
 
 
 def provision(state: Path, *words: str, code: int) -> subprocess.CompletedProcess[str]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Lab
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 UBUNTU = "ID=ubuntu\nVERSION_CODENAME=focal\n"
 FIRST, SECOND = "0.9.2-1stand.in", "0.9.3-1stand.in"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import threading
-import time
 from typing import TYPE_CHECKING
 
 import pytest
 from gateway_role import NAME, Stand
 from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
+from waiting import wait_until
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import FOLDER
 from atlantis_netcfg.core.remote_bundle import build
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 CONNECTION = 10_000
 """Bytes up of a new SSH connection, at most."""
@@ -113,9 +113,7 @@ def test_a_power_cut_while_the_tool_is_sent_leaves_nothing_that_a_repeat_does_no
     stand.gateway.link(rate_up_bps=80_000)
 
     def cut() -> None:
-        end = time.monotonic() + 60
-        while stand.gateway.traffic.up_bytes < 30_000 and time.monotonic() < end:
-            time.sleep(0.02)
+        wait_until(lambda: stand.gateway.traffic.up_bytes >= 30_000)
         stand.gateway.power_cut()
         stand.gateway.link()
 

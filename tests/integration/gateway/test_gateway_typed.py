@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.lab.stubs import StubArchive
     from atlantis_netcfg.emulator.lab.stubs.interop import GitServer
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 TOKEN = "a-real-interop-token"
 REPORTS = "https://gitlab.spaceapplications.com/c4i"
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bundle.manifest import Manifest
     from atlantis_netcfg.declaration import Declaration
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 ROLES = ["gateway_base/offline", "gateway_base", "openvpn_client", "gateway_ros2", "gateway_interop", "gateway_dds"]
 TOKEN = "EXAMPLE-token-of-the-voyage"
 

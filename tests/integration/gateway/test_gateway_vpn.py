@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Lab
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 READER = "atlantis-data-gateway.service"
 WAITS = """\

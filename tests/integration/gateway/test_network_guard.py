@@ -12,25 +12,18 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from gateway_stand import technician
 from network_stand import STATE, NetworkStand, network_stand, other, wanted
+from waiting import wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 EVERY = pytest.mark.parametrize("by", ["netplan", "ifupdown", "networkd"])
 SAMPLED = pytest.mark.parametrize(
     "by", ["netplan", *(pytest.param(by, marks=pytest.mark.campaign) for by in ("ifupdown", "networkd"))]
 )
 """Each of them waits out three roll-backs: a minute."""
-_PATIENCE_S = 60.0
 ROLLED_BACK = "the change of the network was rolled back, and everything is as before"
-
-
-def wait(holds: Callable[[], bool]) -> None:
-    end = time.monotonic() + _PATIENCE_S
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.2)
 
 
 def settled(stand: NetworkStand, by: str) -> dict[str, Any]:
@@ -73,14 +66,18 @@ def test_what_is_declared_comes_and_stays_whatever_is_tried_and_cut(network_stan
 
     gateway = network_stand.gateway
     network_stand.stage(changed(by, "10.64.1.10", "10.64.1.77", 900))
-    wait(lambda: gateway.run(f"grep -s ended_s {STATE}/applied | grep -v null", check=False).returncode == 0)
-    wait(lambda: "10.64.1.77/24" in network_stand.network()["addresses"])  # systemd-networkd sets it when it is asked
+    wait_until(lambda: gateway.run(f"grep -s ended_s {STATE}/applied | grep -v null", check=False).returncode == 0)
+    wait_until(
+        lambda: "10.64.1.77/24" in network_stand.network()["addresses"]
+    )  # systemd-networkd sets it when it is asked
     gateway.power_cut()
     gateway.power_on(configured=False, wait_s=None)
-    wait(lambda: gateway.runs and gateway.run("systemctl is-active multi-user.target", check=False).returncode == 0)
+    wait_until(
+        lambda: gateway.runs and gateway.run("systemctl is-active multi-user.target", check=False).returncode == 0
+    )
     if by == "ifupdown":
         gateway.run("ifup --allow=hotplug eth0")  # udev does it on a board; a container has none
-    wait(lambda: network_stand.network() == state)
+    wait_until(lambda: network_stand.network() == state)
     gateway.wait_until_up()
     assert outcome(network_stand) == "the computer was started anew before a new session had confirmed it"
     unchanged(network_stand, by)
@@ -96,7 +93,7 @@ def test_what_cuts_the_way_in_is_taken_back(network_stand: NetworkStand, by: str
     for old, new in (("10.64.1.10", "10.64.1.77"), ("eth0", "eth9")):
         told = changed(by, old, new, 5)
         network_stand.stage(told)
-        wait(lambda: gateway.run(f"test -e {STATE}/pending", check=False).returncode == 1)
+        wait_until(lambda: gateway.run(f"test -e {STATE}/pending", check=False).returncode == 1)
         assert network_stand.network() == before
         assert outcome(network_stand) == f"no new session reached {told['address'].partition('/')[0]} within 5 s"
 
@@ -133,10 +130,10 @@ def test_a_kill_while_its_tool_works(network_stand: NetworkStand, verb: str) -> 
     gateway.put("/sbin/ifdown", SLOW, mode="0755")
     network_stand.stage(changed("ifupdown", "10.64.1.10", "10.64.1.77", 8))
     unit = f"atlantis-network-{verb}.service"
-    wait(lambda: gateway.run(f"systemctl is-active {unit}", check=False).stdout.startswith(KILLED[verb]))
-    wait(lambda: gateway.run(f"systemctl status {unit} | grep ifdown.*eth0", check=False).returncode == 0)
+    wait_until(lambda: gateway.run(f"systemctl is-active {unit}", check=False).stdout.startswith(KILLED[verb]))
+    wait_until(lambda: gateway.run(f"systemctl status {unit} | grep ifdown.*eth0", check=False).returncode == 0)
     gateway.run(f"systemctl kill -s KILL {unit}")
     assert gateway.run(f"test -e {STATE}/pending", check=False).returncode == 0
-    wait(lambda: gateway.run(f"test -e {STATE}/pending", check=False).returncode == 1)
+    wait_until(lambda: gateway.run(f"test -e {STATE}/pending", check=False).returncode == 1)
     assert network_stand.network() == before
     unchanged(network_stand, "ifupdown")

@@ -6,7 +6,6 @@ import base64
 import json
 import os
 import subprocess
-import time
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ import preforked
 import pytest
 from gateway_role import NAME, PLAYBOOK, ROOT
 from gateway_stand import ground, known_hosts, machine, technician  # noqa: F401 - fixtures
+from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Lab, Machine
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
 ADHOC = PLAYBOOK.removesuffix("-playbook")
 SOURCE, KEYRING = "/etc/apt/sources.list.d/own.sources", "/usr/share/keyrings/own.gpg"
@@ -104,10 +104,7 @@ class Board:
         )
 
     def wait_for(self, path: str) -> None:
-        until = time.monotonic() + 60
-        while self.gateway.run(f"test -e {path}", check=False).returncode:
-            assert time.monotonic() < until, f"{path} never came"
-            time.sleep(0.1)
+        wait_until(lambda: self.gateway.run(f"test -e {path}", check=False).returncode == 0, every_s=0.1)
 
 
 @pytest.fixture
@@ -173,7 +170,7 @@ def test_another_one_at_work_is_named_and_waited_for(board: Board) -> None:
         assert "another program is installing packages for more than 1 s: process" in told["msg"]
         assert "apt-get" in told["msg"]
         board.gateway.run("rm /srv/slow")
-        assert running.wait(timeout=60) == 0
+        assert running.wait(HANG_S) == 0
     assert "package one 2.0" in board.run("one")["changes"]
 
 

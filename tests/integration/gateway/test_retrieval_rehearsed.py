@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.timeout(120),
     pytest.mark.skipif(shutil.which("rsync") is None, reason="no rsync: `make test` installs it"),
 ]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.lab import Lab, Machine
 
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 KEPT = f"/srv/recordings/{ROBOT}"
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 DECLARED: dict[str, Any] = {"to": CENTRE, "budget_mb": 1000, "sources": [{"host": GATEWAY}]}
 
 

@@ -73,7 +73,6 @@ def checkout(first_checkout: Path, server: int, request: pytest.FixtureRequest, 
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("page", EXECUTED, ids=lambda page: page.name)
 def test_what_a_page_shows_is_what_happens(page: Path, checkout: Own, server: int, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()

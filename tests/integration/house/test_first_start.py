@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
-import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,7 +13,7 @@ from house_checkout import as_nobody, clean_environment, let_others_pass, shared
 if TYPE_CHECKING:
     from pathlib import Path
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="session")
@@ -42,11 +42,11 @@ def test_every_installed_package_is_pinned(checkout: Path) -> None:
 
 
 def test_help_is_there_at_once_and_silent(checkout: Path) -> None:
-    began = time.monotonic()
+    before = os.times()
     later = start(checkout, "--help")
-    took = time.monotonic() - began
+    took_s = sum(os.times()[2:4]) - sum(before[2:4])
     assert (later.returncode, later.stderr) == (0, "")
-    assert took < 2, "0.06 s on an idle machine; pip alone would take longer than this bound"
+    assert took_s < 2, "of the processor; 0.06 s on an idle machine, and pip alone needs more than this bound"
 
 
 def test_an_ordinary_user_starts_a_checkout_of_root(checkout: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from house_checkout import as_nobody, clean_environment, let_others_pass, start
 from house_small import folder_of_wheels, quick_python, small_checkout
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.slow
 
 APT_GET = "env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=120"
 NEEDED = f"{APT_GET} install -y --no-install-recommends python3-venv"

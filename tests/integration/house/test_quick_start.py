@@ -36,7 +36,6 @@ def address(tmp_path: Path) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_the_page_leads_from_a_fresh_clone_to_a_signed_checklist(
     address: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -22,6 +22,7 @@ import paramiko
 import pytest
 from blocks_fake import Tree, loop
 from image_made import ROOT_AT, disk, run
+from waiting import HANG_S
 
 from atlantis_netcfg.image.blocks import admit
 from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4
@@ -119,8 +120,8 @@ class Guest:
             pkey,
             look_for_keys=False,
             allow_agent=False,
-            timeout=60,
-            banner_timeout=60,
+            timeout=HANG_S,
+            banner_timeout=HANG_S,
         )
         return client
 

@@ -6,20 +6,19 @@ import os
 import select
 import subprocess
 import sys
-import time
 from typing import TYPE_CHECKING
 
 import pytest
 from hints_said import advised
 from schema_reader import files, problems, schema_of
+from waiting import HANG_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
+pytestmark = pytest.mark.slow
 
-PATIENCE_S = 120
 AT_A_TERMINAL = """
 import fcntl, os, sys, termios
 os.setsid()
@@ -92,9 +91,8 @@ def typed(words: Sequence[str], answers: Sequence[tuple[str, str]], environment:
     os.close(theirs)
     seen, unread = "", ""
     for question, answer in answers:
-        until = time.monotonic() + PATIENCE_S
         while question not in unread:
-            ready, _, _ = select.select([ours], [], [], max(0.0, until - time.monotonic()))
+            ready, _, _ = select.select([ours], [], [], HANG_S)
             assert ready, f"`{question}` was never asked: {unread}"
             unread += (more := os.read(ours, 4096).decode(errors="replace"))
             seen += more
@@ -109,7 +107,7 @@ def typed(words: Sequence[str], answers: Sequence[tuple[str, str]], environment:
             break
         seen += more
     os.close(ours)
-    return process.wait(PATIENCE_S), seen.replace("\r\n", "\n")
+    return process.wait(HANG_S), seen.replace("\r\n", "\n")
 
 
 def run(words: Sequence[str], environment: dict[str, str]) -> subprocess.CompletedProcess[str]:

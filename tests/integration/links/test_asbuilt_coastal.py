@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from links_bench import PATIENCE_S, Bench, bench
+from waiting import HANG_S
 
 from atlantis_netcfg.asbuilt.look import SiteLook
 from atlantis_netcfg.asbuilt.record import AsBuiltRecord, DeviceRecord, Link, Origin, ReadState, compared
@@ -159,7 +160,7 @@ def test_only_some_are_asked_and_nobody_is_no_green(coastal: Bench) -> None:
 def provision(state: Path, *words: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "ATLANTIS_STATE": str(state)}
     command = [PROVISION, "asbuilt", "site=coastal", f"only={ROUTER}", "--rehearse", *words]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=110, check=False)
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=HANG_S, check=False)
 
 
 def test_the_command_keeps_a_record_compares_it_with_the_last_one_and_prints_labels(tmp_path: Path) -> None:

@@ -6,12 +6,12 @@ import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from links_bench import Bench, bench, inventory, masked
+from waiting import wait_until
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.journal import Store
@@ -30,7 +30,6 @@ ROUTER, NEAR, FAR, UNIT, TERMINAL = "coastal-router", "coastal-cpe", "scc-cpe", 
 KEYS = {"kind", "state", "active", "metered", "quality", "month_bytes", "findings"}
 PLAIN_80211 = ("protocol: nv2", 'protocol: "802.11"\n    menus: wifi')
 PROVISION = str(Path(sys.executable).with_name("provision"))
-_ASSOCIATED_WITHIN_S = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -227,9 +226,7 @@ def radio(at: Bench, name: str) -> list[str]:
 
 def associated(at: Bench) -> None:
     """Wait until both radios have found each other again."""
-    until = time.monotonic() + _ASSOCIATED_WITHIN_S
-    while not at.hears(NEAR) or not at.hears(FAR):
-        assert time.monotonic() < until, "the radios do not find each other"
+    wait_until(lambda: at.hears(NEAR) and at.hears(FAR), every_s=0)
 
 
 def test_the_command_rehearses_over_a_bearer_that_the_other_end_has_not(tmp_path: Path) -> None:

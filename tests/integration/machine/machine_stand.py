@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import paramiko
 import pytest
 from debian_trees import BARE
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.lab import Lab, Machine
 
 ADDRESS, ROUTER = "10.64.1.10/24", "10.64.1.1"
-_PATIENCE_S = 30.0
 
 
 @pytest.fixture(scope="session")
@@ -61,7 +61,7 @@ def ssh(machine: Machine, key: paramiko.PKey, command: str) -> str:
     """What a command says to whoever logs in as root through the port here."""
     with client(machine) as one:
         one.connect("127.0.0.1", machine.port, "root", pkey=key, allow_agent=False, look_for_keys=False)
-        _, answer, _ = one.exec_command(command, timeout=_PATIENCE_S)
+        _, answer, _ = one.exec_command(command, timeout=HANG_S)
         return answer.read().decode()
 
 

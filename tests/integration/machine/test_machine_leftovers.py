@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 from debian_trees import BARE
 from machine_stand import ADDRESS, ROUTER, bare, gateway, ground, key, left
+from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.emulator.lab import build_rootfs, open_lab
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-_PATIENCE_S = 60.0
 OWNER = """\
 import os, sys, time
 from pathlib import Path
@@ -60,7 +59,7 @@ class Owner:
 
     def end(self, number: signal.Signals) -> None:
         self.process.send_signal(number)
-        self.process.wait(_PATIENCE_S)
+        self.process.wait(HANG_S)
 
 
 @pytest.fixture
@@ -73,10 +72,7 @@ def owner(bare: Path, tmp_path: Path) -> Iterator[Owner]:
 
 
 def _await_nothing(name: str) -> None:
-    end = time.monotonic() + _PATIENCE_S
-    while (found := left(name)) and time.monotonic() < end:
-        pass
-    assert found == []
+    wait_until(lambda: not left(name), lambda: left(name))
 
 
 def test_a_block_that_fails(bare: Path, tmp_path: Path) -> None:

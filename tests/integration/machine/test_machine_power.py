@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from machine_stand import bare, gateway, ground, key, ssh
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.lab import MachineFailed
 
@@ -19,7 +20,6 @@ __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 _SYNCED = "import os; f = open('/root/kept', 'w'); f.write('kept\\n'); f.flush(); os.fsync(f.fileno())"
 _WRITE = "import errno; f = open('/root/more', 'w')\ntry: f.write('x' * 100000); f.flush()\nexcept OSError as e: print(errno.errorcode[e.errno])"  # noqa: E501 - one program
-_PATIENCE_S = 30.0
 
 
 def test_what_was_synced_outlives_a_power_cut_and_processes_do_not(gateway: Machine, key: paramiko.PKey) -> None:
@@ -40,7 +40,7 @@ def test_what_was_synced_outlives_a_power_cut_and_processes_do_not(gateway: Mach
 
 def test_nobody_hears_of_a_power_cut(gateway: Machine) -> None:
     """The end of a connection would be read before the reset that the machine answers with once it is up again."""
-    with socket.create_connection(("127.0.0.1", gateway.port), _PATIENCE_S) as caller:
+    with socket.create_connection(("127.0.0.1", gateway.port), HANG_S) as caller:
         assert caller.recv(4) == b"SSH-"
         while b"\n" not in caller.recv(1024):
             pass

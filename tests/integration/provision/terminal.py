@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import pyte
+from waiting import HANG_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -103,7 +104,7 @@ def terminal(columns: int = 80, rows: int = 24) -> Iterator[Terminal]:
         yield made
     finally:
         os.close(made.descriptor)
-        reader.join(20)
+        reader.join(HANG_S)
         os.close(made.keyboard)
         made.raw = b"".join(pieces)
         pyte.ByteStream(made.screen).feed(made.raw)

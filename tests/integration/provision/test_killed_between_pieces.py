@@ -7,13 +7,13 @@ import os
 import re
 import signal
 import subprocess
-import time
 from typing import TYPE_CHECKING, Any
 
 import preforked
 import pytest
 from hints_said import advised
 from quay import PROVISION, ROUTER, Quay, quay
+from waiting import wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -39,10 +39,9 @@ def killed_between_pieces(at: Quay) -> str:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     ) as running:
-        until = time.monotonic() + 30
-        while not (found := [path for path in _journals(at) if '"kind":"released"' in path.read_text()]):
-            assert time.monotonic() < until
-            time.sleep(0.005)
+        found = wait_until(
+            lambda: [path for path in _journals(at) if '"kind":"released"' in path.read_text()], every_s=0.005
+        )
         holder = (at.state / "real/coastal/lock").read_text(encoding="utf-8")
         for process in {running.pid, json.loads(holder)["pid"]}:
             os.kill(process, signal.SIGKILL)

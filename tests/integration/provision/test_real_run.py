@@ -9,11 +9,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from typing import TYPE_CHECKING
 
 import pytest
 from quay import CHECKOUT, PROVISION, ROUTER, Quay, quay
+from waiting import wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -145,14 +145,13 @@ def test_a_state_folder_that_is_deleted_in_mid_run_is_not_green(at: Quay, kind: 
 
 def await_record(state: Path, wanted: str, run: int = 0) -> str:
     """Wait until a journal, of that run or a later one, has such a record; give it."""
-    until = time.monotonic() + 30
-    while time.monotonic() < until:
+
+    def found() -> str:
         journals = sorted(state.glob("real/coastal/runs/*/journal.jsonl"))
-        for text in (path.read_text(encoding="utf-8") for path in journals[run:]):
-            if wanted in text:
-                return text
-        time.sleep(0.01)
-    pytest.fail(f"no {wanted} within 30 s")
+        texts = (path.read_text(encoding="utf-8") for path in journals[run:])
+        return next((text for text in texts if wanted in text), "")
+
+    return wait_until(found, lambda: wanted, 0.01)
 
 
 def kill_workers(state: Path) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from hints_said import advised
 from quay import PROVISION, ROUTER, Quay, quay
 from test_real_run import await_record, kill_workers
+from waiting import wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -127,10 +127,7 @@ def killed(at: Quay, typed: list[str], run: int = 0) -> None:
         os.killpg(running.pid, signal.SIGKILL)
         kill_workers(at.state)
     at.do("link", delay_s=0.0)
-    end = time.monotonic() + 60
-    while connected(at) or (at.export() != before and run == 0):
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_until(lambda: not connected(at) and (at.export() == before or run > 0))
 
 
 def connected(at: Quay) -> bool:

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 from quay import PROVISION
+from waiting import HANG_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-_PATIENCE_S = 60.0
 
 
 def descendants(pid: int) -> Iterator[int]:
@@ -48,7 +47,7 @@ def test_what_a_killed_rehearsal_leaves_the_next_command_removes(tmp_path: Path)
             if process != twins:
                 with suppress(ProcessLookupError):
                     os.kill(process, signal.SIGKILL)
-    assert select.select([end], [], [], _PATIENCE_S)[0]
+    assert select.select([end], [], [], HANG_S)[0]
     os.close(end)
     assert [path.name for path in place.glob("atlantis-twins-*.tmp")]
     subprocess.run([PROVISION, "validate"], env=environment, stdout=subprocess.DEVNULL, check=True)

@@ -10,6 +10,7 @@ import pytest
 from hints_said import advised
 from quay import ROUTER, Quay, quay
 from terminal import terminal
+from waiting import HANG_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -138,7 +139,7 @@ def test_a_long_plan_goes_through_a_pager_on_a_terminal(at: Quay) -> None:
         with terminal() as seen:
             seen.press("q" if pages else "")
             words = ["site=coastal", f"only={ROUTER}", f"inventory={at.inventory}", "--plan"]
-            assert preforked.start(words, environment, seen.descriptor, at.inventory.parent).wait(60) == 2
+            assert preforked.start(words, environment, seen.descriptor, at.inventory.parent).wait(HANG_S) == 2
         text = "\n".join(seen.lines)
         assert "[~] PLANNED: 1 device would change" in text
         assert ("/ip firewall filter" in text) is not pages, pager  # a person has left at the first page

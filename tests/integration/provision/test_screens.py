@@ -20,6 +20,7 @@ from quay import ADDRESS, PROVISION, ROUTER, Quay, quay
 from terminal import Terminal, terminal
 from test_real_run import await_record
 from test_stopped_runs import children
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import DeviceMode, DeviceModeName
 
@@ -104,7 +105,7 @@ def run(at: Quay, situation: Situation, *more: str, columns: int = 80, **env: st
         words = [*situation.typed, *more]
         folder = at.inventory.parent
         process = preforked.start(words, environment(at, **env), seen.descriptor, folder)
-        code = process.wait(100)
+        code = process.wait(HANG_S)
     assert code == situation.code, seen.lines
     return seen
 
@@ -125,7 +126,7 @@ def struck(at: Quay, name: str, *more: str, columns: int = 80, **env: str) -> Te
         )
         await_record(at.state, SENT)
         strike(process.pid)
-        found = process.wait(60)
+        found = process.wait(HANG_S)
     assert found == code, seen.lines
     return seen
 
@@ -153,7 +154,7 @@ def checked(folder: Path, language: str, columns: int = 80, **env: str) -> Termi
     with terminal(columns) as seen:
         seen.press(SIGNS[language])
         process = preforked.start([*CHECK, "--lang", language], {**kept, **person}, seen.descriptor, folder)
-        code = process.wait(100)
+        code = process.wait(HANG_S)
     assert code == 6, seen.lines
     return seen
 

@@ -14,6 +14,7 @@ import pytest
 from hints_said import advised
 from quay import PROVISION, ROUTER, Quay, quay
 from test_real_run import await_record
+from waiting import HANG_S, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,7 +56,7 @@ def children(parent: int) -> list[int]:
 
 
 def ended(at: Quay, process: subprocess.Popen[str], code: int) -> str:
-    text, _ = process.communicate(timeout=60)
+    text, _ = process.communicate(timeout=HANG_S)
     assert process.returncode == code, text
     at.twins.do(ROUTER, "link", delay_s=0.0)
     return text
@@ -100,9 +101,7 @@ def test_the_death_of_a_task_is_noticed_and_told(at: Quay) -> None:
         await_record(at.state, SENT)
         (task,) = children(process.pid)
         os.kill(task, signal.SIGKILL)
-        killed = time.monotonic()
         text = ended(at, process, 5)
-        assert time.monotonic() - killed < 10  # a busy machine; it looks every 0.02 s
     assert f"{ROUTER} " in text
     assert "the outcome is not known: the process that worked on it was killed" in text
     (command,) = advised(text)
@@ -129,10 +128,7 @@ def test_who_kills_the_command_leaves_no_task_behind(at: Quay) -> None:
         process.kill()
         process.wait()
         await_record(at.state, '"kind":"outcome"')
-    until = time.monotonic() + 20
-    while Path(f"/proc/{task}").exists() and time.monotonic() < until:
-        time.sleep(0.02)
-    assert not Path(f"/proc/{task}").exists()
+    wait_until(lambda: not Path(f"/proc/{task}").exists())
     at.twins.do(ROUTER, "link", delay_s=0.0)
     assert at.export().splitlines() == before.splitlines()
     (row,) = at.runs()

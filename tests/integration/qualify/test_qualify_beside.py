@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from test_qualify_real_sockets import KEY, reflector
+from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape, UdpRelay
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
@@ -131,17 +132,14 @@ def _iperf3(*words: str) -> Iterator[list[dict[str, Any]]]:
         command += ["-t", str(SECONDS - 1), "-l", str(DEFAULT_PACKET)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as client:
             yield written
-            text, _ = client.communicate(timeout=60)
+            text, _ = client.communicate(timeout=HANG_S)
         written.append(json.loads(text))
 
 
 def _until_it_listens(server: tuple[str, int]) -> None:
     """By the kernel's table: a connection would be taken for the one test that it serves."""
     local = f"0100007F:{server[1]:04X} 00000000:0000 0A"
-    end = time.monotonic() + 40
-    while local not in Path("/proc/net/tcp").read_text(encoding="ascii"):
-        assert time.monotonic() < end, "iperf3 did not begin to listen"
-        time.sleep(0.02)
+    wait_until(lambda: local in Path("/proc/net/tcp").read_text(encoding="ascii"))
 
 
 def _load(address: tuple[str, int], way: str, samples: list[Sample]) -> None:
@@ -185,7 +183,7 @@ def _beside(folder: Path) -> _Beside:
             run(transport, peer, [stream], BudgetGuard(Budget(), time.monotonic))
             for thread in loads:
                 thread.join()
-            assert client.wait(timeout=60) == 0
+            assert client.wait(timeout=HANG_S) == 0
     return _Beside(train, load, json.loads(written.read_text(encoding="utf-8")), iperf3_up[0], iperf3_down[0])
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape, UdpRelay
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
@@ -55,7 +56,7 @@ class reflector:  # noqa: N801 - a context
 
     def __exit__(self, *_: object) -> None:
         self.process.terminate()
-        self.process.communicate(timeout=60)
+        self.process.communicate(timeout=HANG_S)
 
 
 def _now() -> float:
@@ -137,7 +138,7 @@ def test_the_program_ends_in_order_and_says_what_it_refused(tmp_path: Path) -> N
         train = Train("t", TrainPlan(112, 0.01, 0.05, timeout_s=1), peer, transport, lambda _sample: None)
         run(transport, peer, [train], BudgetGuard(Budget(), _now))
         process.terminate()
-        _, said = process.communicate(timeout=60)
+        _, said = process.communicate(timeout=HANG_S)
     assert process.returncode == 0
     assert said == "Statistics(answered=6, refused=1, replayed=0, limited=0, requested=0)\n"
 
@@ -149,7 +150,7 @@ def test_the_program_needs_a_key_or_the_word_that_it_goes_without(key: str | Non
         (tmp_path / "key").write_text(key)
         words = ["--key-file", str(tmp_path / "key")]
     command = [sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", "--port", "0", *words]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=HANG_S)
     assert ended.returncode == 2
     expected = "has fewer than 16 octets" if key else "--key-file --unauthenticated is required"
     assert expected in ended.stderr

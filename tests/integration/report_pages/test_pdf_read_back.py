@@ -120,7 +120,7 @@ def test_ten_thousand_letters_are_all_there() -> None:
 
 
 @given(document=documents())
-@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=6, suppress_health_check=[HealthCheck.too_slow])
 def test_any_document_can_be_printed(document: Document) -> None:
     read(document, made.files())
 

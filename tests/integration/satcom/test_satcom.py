@@ -22,7 +22,7 @@ from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile
 if TYPE_CHECKING:
     from pathlib import Path
 
-pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 _ANNOUNCE_S = 2
 
 

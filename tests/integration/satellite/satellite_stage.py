@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from nft_translation import translate
+from waiting import HANG_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,7 +38,6 @@ _CLONE_NEWNET = 0x40000000
 _ETH_P_IP = 0x0800
 _OUTGOING = 4
 """PACKET_OUTGOING of packet(7): what the namespace itself has sent."""
-_PATIENCE_S = 20.0
 """For what has to come; a test that waits so long has failed."""
 _TOKENS = itertools.count(1)
 _LIBC = ctypes.CDLL(None, use_errno=True)
@@ -88,7 +88,7 @@ class Stage:
             thread.start()
             thread.join()
         assert made, f"no socket in {self.name(who)}"
-        made[0].settimeout(_PATIENCE_S)
+        made[0].settimeout(HANG_S)
         return made[0]
 
     def udp(self, who: str, address: str = "0.0.0.0", port: int = 0) -> socket.socket:  # noqa: S104 - own namespace

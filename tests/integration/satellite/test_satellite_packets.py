@@ -21,6 +21,7 @@ from satellite_stage import (
     stage,
     token,
 )
+from waiting import HANG_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -168,7 +169,7 @@ def test_a_tcp_connection_that_began_on_another_link_does_not_go_on(built: Stage
         assert watch.until(_sentinel(built)) == []
         assert built.packets(DROP) >= 1
         built.prefer(other)
-        server.settimeout(20)
+        server.settimeout(HANG_S)
         assert server.recv(100) == b"two"
         server.close()
     watch.close()

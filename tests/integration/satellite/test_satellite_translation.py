@@ -118,7 +118,7 @@ def as_nft(packet: Packet) -> Nft:
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @drawn(export=firewalls(), some=st.lists(packets(), min_size=1, max_size=8))
 def test_the_translation_decides_as_the_model_of_the_chains(export: rsc.Export, some: list[Packet]) -> None:
     walk, ruleset = Walk(export), translate(export)
@@ -127,7 +127,7 @@ def test_the_translation_decides_as_the_model_of_the_chains(export: rsc.Export, 
 
 
 @pytest.mark.parametrize("site", SITES)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @drawn(packet=packets(), chain=st.sampled_from(["input", "forward", "output"]))
 def test_the_sites_own_filter_is_decided_alike(site: str, packet: Packet, chain: str) -> None:
     export = rendered(site).export
@@ -153,7 +153,7 @@ def built() -> Iterator[Stage]:
 
 
 @pytest.mark.namespace
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @drawn(export=firewalls())
 def test_the_kernel_decides_as_the_model_of_the_chains(built: Stage, export: rsc.Export) -> None:
     """A sample of random filters, loaded into the kernel: datagrams of a robot over two links."""

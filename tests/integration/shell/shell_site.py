@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import paramiko
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import (
     RouterLink,
@@ -92,8 +93,8 @@ def paramiko_on(
             pkey=key,
             look_for_keys=False,
             allow_agent=False,
-            timeout=30,
-            banner_timeout=30,
+            timeout=HANG_S,
+            banner_timeout=HANG_S,
         )
         yield client
     finally:
@@ -102,7 +103,7 @@ def paramiko_on(
 
 def run(client: paramiko.SSHClient, command: str) -> tuple[str, int]:
     """Output and exit status of one command."""
-    stdin, stdout, stderr = client.exec_command(command, timeout=30)
+    stdin, stdout, stderr = client.exec_command(command, timeout=HANG_S)
     text, status = stdout.read().decode(), stdout.channel.recv_exit_status()
     assert stderr.read() == b""
     stdin.close()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from netmiko import ConnectHandler, NetmikoAuthenticationException, file_transfer
 from shell_site import PASSWORD, Twin, paramiko_on, twin
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import RouterLink
 
@@ -119,8 +120,11 @@ def test_file_transfer(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_over_a_satellite_link(tmp_path: Path) -> None:
     link = RouterLink(delay_s=0.35, rate_up_bps=352_000, rate_down_bps=704_000)
-    with twin(tmp_path, link=link) as box, netmiko_on(box, conn_timeout=60, banner_timeout=60, auth_timeout=60) as nm:
-        assert nm.send_command("/system identity print", read_timeout=60) == "name: MikroTik"
-        assert "10.64.101.1/24" in nm.send_command("/ip address print", read_timeout=60)
-        nm.send_config_set(["/ip pool add name=far ranges=10.0.0.1"], read_timeout=60)
+    with (
+        twin(tmp_path, link=link) as box,
+        netmiko_on(box, conn_timeout=HANG_S, banner_timeout=HANG_S, auth_timeout=HANG_S) as nm,
+    ):
+        assert nm.send_command("/system identity print", read_timeout=HANG_S) == "name: MikroTik"
+        assert "10.64.101.1/24" in nm.send_command("/ip address print", read_timeout=HANG_S)
+        nm.send_config_set(["/ip pool add name=far ranges=10.0.0.1"], read_timeout=HANG_S)
         assert len(box.rows("/ip/pool/print")) == 1

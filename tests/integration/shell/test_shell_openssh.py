@@ -7,24 +7,23 @@ import pty
 import re
 import select
 import subprocess
-import time
 from typing import TYPE_CHECKING
 
 import paramiko
 from shell_site import PASSWORD, Twin, paramiko_on, twin
+from waiting import HANG_S
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 OPTIONS = ("-o", "StrictHostKeyChecking=yes", "-o", "PubkeyAuthentication=no", "-o", "LogLevel=ERROR")
-PATIENCE_S = 20.0
 ANSIBLE = re.compile(rb"\[[\w\-.]+@[\w\s\-./]+\] ?(<SAFE)?> ?$")
 
 
 def known_hosts(box: Twin, tmp_path: Path) -> Path:
     file = tmp_path / "known_hosts"
     with paramiko.Transport(("127.0.0.1", box.port)) as transport:
-        transport.start_client(timeout=10)
+        transport.start_client(timeout=HANG_S)
         key = transport.get_remote_server_key()
     file.write_text(f"[127.0.0.1]:{box.port} {key.get_name()} {key.get_base64()}\n")
     return file
@@ -40,7 +39,7 @@ def openssh(program: str, box: Twin, tmp_path: Path, *arguments: str, stdin: str
         env=os.environ | {"SSH_ASKPASS": str(helper), "SSH_ASKPASS_REQUIRE": "force", "HOME": str(tmp_path)},
         input=stdin.encode(),
         capture_output=True,
-        timeout=PATIENCE_S,
+        timeout=HANG_S,
         check=False,
         start_new_session=True,
     )
@@ -82,7 +81,7 @@ class Screen:
 
     def __init__(self, client: paramiko.SSHClient) -> None:
         self.channel = client.invoke_shell(width=80, height=24)
-        self.channel.settimeout(PATIENCE_S)
+        self.channel.settimeout(HANG_S)
 
     def until(self, pattern: re.Pattern[bytes]) -> bytes:
         found = b""
@@ -140,8 +139,8 @@ def test_a_person_s_terminal(tmp_path: Path) -> None:
 
 
 def talk(master: int, wanted: bytes, answer: bytes) -> None:
-    found, end = b"", time.monotonic() + PATIENCE_S
+    found = b""
     while wanted not in found:
-        assert select.select([master], [], [], end - time.monotonic())[0], found
+        assert select.select([master], [], [], HANG_S)[0], found
         found += os.read(master, 4096)
     os.write(master, answer)

@@ -14,6 +14,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric import ed25519
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from shell_site import PASSWORD, paramiko_on, run, twin
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import RouterLink
 
@@ -216,7 +217,7 @@ def test_wrong_password_and_wrong_user(tmp_path: Path) -> None:
 
 def seen(port: int) -> str:
     with paramiko.Transport(("127.0.0.1", port)) as transport:
-        transport.start_client(timeout=10)
+        transport.start_client(timeout=HANG_S)
         digest = hashlib.sha256(transport.get_remote_server_key().asbytes()).digest()
     return "SHA256:" + base64.b64encode(digest).decode().rstrip("=")
 

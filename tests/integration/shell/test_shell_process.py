@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import paramiko
 import serial
 from shell_site import PASSWORD
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import RouterSpec, SiteSpec, TwinSpec, User, spawn
 
@@ -29,7 +30,7 @@ def test_a_process_of_its_own(tmp_path: Path) -> None:
             channel = transport.open_session()
             channel.exec_command(':put "there"')
             assert channel.makefile("rb").read() == b"there\r\n"
-        with serial.Serial(told["serial"], timeout=10) as line:
+        with serial.Serial(told["serial"], timeout=HANG_S) as line:
             line.write(b"\r")
             assert line.read_until(b"Login: ").endswith(b"Login: ")
         again = site.do("router", "restart")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import serial
 from shell_site import PASSWORD, Twin, twin
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import WireBehaviour
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PROMPT = b"] > "
-PATIENCE_S = 20.0
 
 
 class Cable:
@@ -27,7 +27,7 @@ class Cable:
 
     def until(self, *wanted: bytes) -> str:
         """Everything up to one of the words, at the end of what came. Silence for too long fails."""
-        found, end = b"", time.monotonic() + PATIENCE_S
+        found, end = b"", time.monotonic() + HANG_S
         while not found.endswith(wanted):
             assert time.monotonic() < end, found
             found += self.port.read(1) + self.port.read(self.port.in_waiting)

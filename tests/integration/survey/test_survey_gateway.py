@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import threading
-import time
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 import asyncssh
 import pytest
 from voyage_stand import DECLARATION, UNIT
+from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd
@@ -70,7 +70,7 @@ def gateway(folder: Path, gpsd_port: int) -> Iterator[Target]:
     ended = asyncio.Event()
     thread = threading.Thread(target=lambda: loop.run_until_complete(serve()))
     thread.start()
-    assert ready.wait(20)
+    assert ready.wait(HANG_S)
     try:
         yield Target(host="127.0.0.1", port=port[0], known_hosts=str(folder / "known"), identity=str(folder / "key"))
     finally:
@@ -88,11 +88,9 @@ def heard(folder: Path, target: Target | None, gps: str | None) -> tuple[GpsdSou
     with ExitStack() as stack:
         survey = site.running(stack, lambda _sample: None, lambda _point: None)
         assert isinstance(survey.positions, GpsdSource)
-        deadline = time.monotonic() + 30.0
-        while not isinstance(found := survey.positions.position(), TrackPosition) and not survey.positions.trouble:
-            assert time.monotonic() < deadline, found
-            time.sleep(0.05)
-        return survey.positions, found
+        positions = survey.positions
+        wait_until(lambda: isinstance(positions.position(), TrackPosition) or positions.trouble, positions.position)
+        return positions, positions.position()
 
 
 @pytest.fixture(autouse=True)

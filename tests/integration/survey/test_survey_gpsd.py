@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 from gnss_stand import gpsd
 from voyage_stand import nmea, replayed, sailing
+from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd, RunningNmea
@@ -80,9 +81,10 @@ def test_an_hour_with_the_real_gpsd(tmp_path: Path) -> None:
 
 def until(source: GpsdSource, holds: Callable[[TrackPosition | NoPosition], bool]) -> TrackPosition | NoPosition:
     """Wait for a position or a reason."""
-    deadline = time.monotonic() + 20.0
+
+    end = time.monotonic() + HANG_S
     while not holds(found := source.position()):
-        assert time.monotonic() < deadline, found
+        assert time.monotonic() < end, found
         time.sleep(0.02)
     return found
 
@@ -114,10 +116,7 @@ def test_a_gpsd_that_is_missing_or_goes_is_said_so() -> None:
 def test_what_a_program_complains_of_is_kept() -> None:
     words = ["sh", "-c", "echo first >&2; echo Host key verification failed. >&2; exit 255"]
     with GpsdSource("gpsd of a gateway", command=words) as source:
-        deadline = time.monotonic() + 20.0
-        while not source.trouble:
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+        wait_until(lambda: source.trouble)
         assert source.position() is NoPosition.NO_GPSD
     assert source.trouble == "Host key verification failed."
 

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
+from waiting import HANG_S
+
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol
 
 if TYPE_CHECKING:
@@ -26,7 +28,6 @@ _ETH_P_IP = 0x0800
 _OUTGOING = 4
 _IP_PKTINFO = 8
 _SO_RCVBUFFORCE = 33
-PATIENCE_S = 30.0
 _SOURCE_PORT = 40001
 _NUMBERS = {Protocol.ICMP: 1, Protocol.TCP: 6, Protocol.UDP: 17}
 
@@ -48,7 +49,7 @@ class Probes:
     def __init__(self, made: Vpn, ends: Mapping[str, str], ports: Iterable[int]) -> None:
         self.ends = ends
         self.heard: set[Heard] = set()
-        self.patience_s = PATIENCE_S
+        self.patience_s = HANG_S
         self._changed = threading.Condition()
         self._selector = selectors.DefaultSelector()
         self._senders: dict[tuple[str, Protocol], socket.socket] = {}

@@ -20,6 +20,7 @@ from typing import IO, TYPE_CHECKING
 import pytest
 from matrix_papers import issued, write
 from slow_link import SATELLITE, Link, open_in
+from waiting import HANG_S
 
 from atlantis_netcfg.vpn import server as product
 
@@ -267,7 +268,7 @@ class _Up:
     up: bool = False
 
     def wait(self) -> None:
-        assert self.done.wait(60), f"{self.who} does not come up:\n{''.join(self.lines)}"
+        assert self.done.wait(HANG_S), f"{self.who} does not come up:\n{''.join(self.lines)}"
         assert self.up, f"{self.who} ended:\n{''.join(self.lines)}"
 
     def listen(self, stdout: IO[str]) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import sys
 import threading
-import time
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 from matrix_papers import guest, host
 from matrix_stand import CENTRE, vpn
+from waiting import wait_until
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import DdsPeer
@@ -35,7 +35,6 @@ pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 SHIPPED = Path(__file__).parents[3] / "inventory"
 PROGRAM = Path(__file__).parents[1] / "dds" / "programs" / "python_peer.py"
 GATEWAY = "coastal-gateway"
-_PATIENCE_S = 60.0
 _DDS = Flow(Protocol.UDP, 7410)
 _OWN = """\
 <CycloneDDS><Domain Id="any">
@@ -88,9 +87,7 @@ def test_who_hears_whom(tmp_path: Path) -> None:
         assert len(meet) == 22, "of 30"
         before = made.counter("p_denied")
         ears = {name: _speak(made, name) for name in parties}
-        end = time.monotonic() + _PATIENCE_S
-        while not all(ears[one].words.get(other, 0) >= 3 for one, other in meet) and time.monotonic() < end:
-            threading.Event().wait(0.05)
+        wait_until(lambda: all(ears[one].words.get(other, 0) >= 3 for one, other in meet))
         assert {(one, other) for one in parties for other in ears[one].words} == meet
         assert made.counter("p_denied") > before, "the others have been tried"
 

@@ -17,6 +17,7 @@ from matrix_checks import BESIDE_ALL, CHECKS, GATEWAY, LAPTOP, UDP_PORTS, ZARCO,
 from matrix_papers import guest, host
 from matrix_probe import Probes
 from matrix_stand import CENTRE, ROUTER, SERVER, vpn
+from waiting import HANG_S
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn import server as product
@@ -63,7 +64,7 @@ def _cut_in_the_middle(reach: Reach) -> None:
     listening.bind((reach.probes.ends[ZARCO], 2222))
     listening.listen()
     client = made.socket(LAPTOP, socket.AF_INET, socket.SOCK_STREAM)
-    client.settimeout(20)
+    client.settimeout(HANG_S)
     client.connect((reach.probes.ends[ZARCO], 2222))
     server, _ = listening.accept()
     without = _revoked(membership, ZARCO)

@@ -17,6 +17,7 @@ import pytest
 from matrix_papers import guest, host
 from matrix_stand import CENTRE, Vpn, vpn
 from robot_computer import Robot, three_commands
+from waiting import HANG_S
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import RosDistribution
@@ -33,7 +34,6 @@ pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 SHIPPED = Path(__file__).parents[3] / "inventory"
 PROGRAMS = Path(__file__).parents[1] / "dds" / "programs"
 ROBOT, CONTACT = "iqua-sparus", "Example Person, +00 000"
-_PATIENCE_S = 60.0
 
 
 def declared() -> Declaration:
@@ -141,8 +141,8 @@ def _meet(made: Vpn, robot: Robot, run: str, peer: Peer) -> None:
     centre = made.start(CENTRE, str(peer.program), "centre", "0", environment=environment)
     program = robot.start(run.replace("YOUR_PROGRAM", f"exec {peer.program} robot 0"))
     seen, mutual = heard(centre, " got robot "), heard(program, " got centre ")
-    assert seen.wait(_PATIENCE_S), f"the control centre has not seen the robot: {peer.file}"
-    assert mutual.wait(_PATIENCE_S), f"the robot has not seen the control centre: {peer.file}"
+    assert seen.wait(HANG_S), f"the control centre has not seen the robot: {peer.file}"
+    assert mutual.wait(HANG_S), f"the robot has not seen the control centre: {peer.file}"
     for process in (centre, program):
         process.kill()
         process.wait()

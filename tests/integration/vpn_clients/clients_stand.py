@@ -13,7 +13,6 @@ import os
 import re
 import shutil
 import subprocess
-import time
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
@@ -21,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import wait_until
 
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn import pki, server
@@ -38,10 +38,9 @@ from atlantis_netcfg.vpn.identity import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from contextlib import ExitStack
 
-PATIENCE_S = 40.0
 NOW = datetime.now(UTC)
 _NUMBERS = itertools.count()
 _FORWARD = """\
@@ -219,15 +218,8 @@ class Stand:
         await_words(log, "Initialization Sequence Completed")
 
 
-def until(true: Callable[[], bool], what: Callable[[], str]) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not true():
-        assert time.monotonic() < end, what()
-        time.sleep(0.05)
-
-
 def await_words(log: Path, words: str) -> None:
-    until(lambda: words in log.read_text(errors="replace"), lambda: log.read_text(errors="replace")[-2000:])
+    wait_until(lambda: words in log.read_text(errors="replace"), lambda: log.read_text(errors="replace")[-2000:])
 
 
 def device_of(log: Path) -> str:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from clients_stand import Office, Stand, Wanted, await_words, declared, device_of, made_stand
+from waiting import HANG_S
 
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
@@ -117,7 +118,7 @@ def test_each_profile_connects_and_pings(version: str, office: Office, profiles:
     for process in running:
         process.terminate()
     for process in running:
-        process.wait(20)
+        process.wait(HANG_S)
     _refused(stand, client, [path for name, path in profiles.items() if name not in readable])
 
 
@@ -131,7 +132,7 @@ def _started(stand: Stand, client: Client, path: Path) -> subprocess.Popen[bytes
 def _refused(stand: Stand, client: Client, profiles: Sequence[Path]) -> None:
     """A client that cannot read a profile ends at once, and says so."""
     for path in profiles:
-        assert _started(stand, client, path).wait(20) != 0
+        assert _started(stand, client, path).wait(HANG_S) != 0
         assert "Unrecognized option" in path.with_suffix(".log").read_text()
 
 

@@ -7,20 +7,18 @@ import os
 import socket
 import subprocess
 import threading
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import wait_until
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from contextlib import ExitStack
 
-__all__ = ["LOG", "PATIENCE_S", "Computer", "until"]
+__all__ = ["LOG", "Computer"]
 
 LOG = "/run/openvpn.log"
-PATIENCE_S = 20.0
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 _MOUNTS = ("/etc/openvpn", "/etc/atlantis", "/var/lib/atlantis", "/run", "/usr/local/sbin")
 _NEWNET = 0x40000000
@@ -74,7 +72,9 @@ class Computer:
 
     def said(self, words: str, times: int = 1) -> None:
         """Wait until its OpenVPN has said something so often since it was started."""
-        until(lambda: self.log().count(words) >= times, lambda: f"not said {times}x: {words}\n{self.log()[-3000:]}")
+        wait_until(
+            lambda: self.log().count(words) >= times, lambda: f"not said {times}x: {words}\n{self.log()[-3000:]}"
+        )
 
     def udp(self) -> socket.socket:
         """A socket that lives on it, whoever uses it."""
@@ -89,11 +89,3 @@ class Computer:
         thread.start()
         thread.join()
         return made[0]
-
-
-def until(done: Callable[[], bool], why: Callable[[], str]) -> None:
-    """Wait for what has to come."""
-    end = time.monotonic() + PATIENCE_S
-    while not done():
-        assert time.monotonic() < end, why()
-        time.sleep(0.002)

@@ -19,7 +19,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from live_computer import LOG, PATIENCE_S, Computer, until
+from live_computer import LOG, Computer
+from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.authority.signer import Signer
 
-__all__ = ["LOG", "NAME", "Client", "Computer", "Echo", "Record", "Server", "record", "server_of", "until"]
+__all__ = ["LOG", "NAME", "Client", "Computer", "Echo", "Record", "Server", "record", "server_of"]
 
 NAME = "scc-vpn"
 PARTNER = "iqua"
@@ -248,7 +249,7 @@ class Client(Computer):
     def ended(self) -> int:
         """Wait until its OpenVPN has gone by itself."""
         assert self.process is not None
-        return self.process.wait(PATIENCE_S)
+        return self.process.wait(HANG_S)
 
     @property
     def up(self) -> bool:
@@ -297,7 +298,7 @@ class Echo:
     def goes(self) -> None:
         """Wait for answers to what is asked from now on."""
         began = len(self.asked)
-        until(
+        wait_until(
             lambda: sum(one >= began for one in list(self.answered)) > 2,
             lambda: f"no echo:\n{self.client.log()[-900:]}",
         )
@@ -305,7 +306,7 @@ class Echo:
     def answers(self, questions: int = 20) -> int:
         """Ask so many times more; gives how often that was answered."""
         began = len(self.asked)
-        until(lambda: len(self.asked) >= began + questions, lambda: "nothing is asked any more")
+        wait_until(lambda: len(self.asked) >= began + questions, lambda: "nothing is asked any more")
         return sum(one >= began for one in list(self.answered))
 
     @property

@@ -187,7 +187,6 @@ def loose(scene: Scene) -> list[str]:
     return [f"{path} {mode}" for path, mode in here if int(mode, 8) & LOOSE]
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("how", ["age", pytest.param("vault", marks=pytest.mark.campaign)])
 def test_a_secret_is_nowhere_but_in_its_place(how: str, tmp_path: Path) -> None:
     (tmp_path / "scene").mkdir(mode=0o700)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import pyrage
 import pytest
-from live_stand import LOG, NAME, Client, Record, Server, until
+from live_stand import LOG, NAME, Client, Record, Server
 from vpn_desk import PASSPHRASE, Desk, onboarding, over_a_pipe, seated
+from waiting import wait_until
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.vpn import _common
@@ -116,7 +117,7 @@ def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) 
     code, out, _ = desk.type("revoke", f"name={_MEMBER}", "reason=stolen", "--yes", passphrase=PASSPHRASE)
     assert (code, "verified: no session, and nothing of theirs passes" in out) == (0, True), out
     assert client.ended() == 0
-    until(lambda: server.names() == [], lambda: "there still is a session")
+    wait_until(lambda: server.names() == [], lambda: "there still is a session")
     assert desk.told("revoke", f"name={_MEMBER}", "--yes", passphrase=PASSPHRASE)["already"] == [_MEMBER]
     assert desk.told("sync")["changes"] == []
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from vpn_server_stand import NAME, TUNNEL, stand, wait  # noqa: F401 - a fixture
+from vpn_server_stand import NAME, TUNNEL, stand  # noqa: F401 - a fixture
+from waiting import wait_until
 
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import SshLink
@@ -45,7 +46,7 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
         state = live.observe(link)
         assert (state.active, state.is_live, state.package is not None) == (True, True, True)
         assert [one.common_name for one in state.sessions] == [name]
-        wait(lambda: name in stand.read("/run/atlantis-vpn/status"), lambda: "no status was written")
+        wait_until(lambda: name in stand.read("/run/atlantis-vpn/status"), lambda: "no status was written")
         stand.machine.run("systemctl start atlantis-vpn-seen.service")
         assert name in live.observe(link).seen
 

@@ -14,7 +14,7 @@ from atlantis_netcfg.emulator.lab import why_not
 
 CHECKOUT = Path(__file__).parents[3]
 HOST = "scc-vpn"
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = pytest.mark.slow
 
 
 def provision(state: Path, *words: str, code: int, **more: str) -> dict[str, object]:

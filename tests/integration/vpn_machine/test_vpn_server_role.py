@@ -14,7 +14,8 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from vpn_server_stand import FOLDER, NAME, TUNNEL, below, stand, wait  # noqa: F401 - a fixture
+from vpn_server_stand import FOLDER, NAME, TUNNEL, below, stand  # noqa: F401 - a fixture
+from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import KeyType, MemberLink
@@ -22,7 +23,7 @@ from atlantis_netcfg.vpn.identity import KeyType, MemberLink
 if TYPE_CHECKING:
     from vpn_server_stand import Stand
 
-pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 EXPOSURE = 2.6
 """At most, of 10, as `systemd-analyze security` counts it; Debian's own unit has 7.5."""
 
@@ -71,7 +72,7 @@ def test_it_is_hardened_and_starts_again_by_itself(server: Stand) -> None:
     assert float(told.split(":")[1].split()[0]) <= EXPOSURE, told
     before = server.pid()
     server.machine.run(f"kill -KILL {before}")
-    wait(lambda: server.pid() not in {before, "0"}, lambda: "it is not started again")
+    wait_until(lambda: server.pid() not in {before, "0"}, lambda: "it is not started again")
 
 
 def test_members_connect_as_the_record_says(server: Stand) -> None:
@@ -84,7 +85,7 @@ def test_members_connect_as_the_record_says(server: Stand) -> None:
     assert "dev tun0" in server.machine.run("ip route show 10.64.1.0/24").stdout, "the LAN of another site"
     assert "ping 60,ping-restart 300" in slow.log
     assert "ping 10,ping-restart 60" in fast.log
-    server.machine.run("until grep -q inesc-one /run/atlantis-vpn/status; do sleep 0.2; done", timeout_s=20)
+    server.machine.run("until grep -q inesc-one /run/atlantis-vpn/status; do sleep 0.2; done", timeout_s=HANG_S)
     server.machine.run("systemctl start atlantis-vpn-seen.service")
     seen = json.loads(server.read("/var/lib/atlantis/vpn/seen.json"))
     assert seen["seen"]["inesc-one"]["address"] == str(members["inesc-one"].address)
@@ -106,7 +107,7 @@ def test_who_is_revoked_is_out_and_the_others_stay(server: Stand) -> None:
     goes.end()
     goes.start()
     revoked = "certificate revoked: CN=inesc-gone"
-    wait(lambda: revoked in server.journal(), lambda: server.journal()[-2000:])
+    wait_until(lambda: revoked in server.journal(), lambda: server.journal()[-2000:])
     goes.end()
     stays.end()
 
@@ -114,7 +115,7 @@ def test_who_is_revoked_is_out_and_the_others_stay(server: Stand) -> None:
 def test_who_has_no_file_and_whose_time_is_over_is_refused(server: Stand) -> None:
     late = server.client(server.laptop("late"))  # the record has it, the server has not
     late.start()
-    wait(lambda: "AUTH_FAILED" in late.log, lambda: late.log[-2000:])
+    wait_until(lambda: "AUTH_FAILED" in late.log, lambda: late.log[-2000:])
     late.end()
     text = server.profiles["inesc-one"]
     key, past = pki.new_key(KeyType.EC), datetime.now(UTC) - timedelta(days=10)
@@ -124,7 +125,9 @@ def test_who_has_no_file_and_whose_time_is_over_is_refused(server: Stand) -> Non
         text = f"{head}<{name}>\n{pem.strip()}\n{tail[tail.index(f'</{name}>') :]}"
     expired = server.client("inesc-one", text)
     expired.start()
-    wait(lambda: "certificate has expired" in server.journal(), lambda: server.journal()[-2000:] + expired.log[-2000:])
+    wait_until(
+        lambda: "certificate has expired" in server.journal(), lambda: server.journal()[-2000:] + expired.log[-2000:]
+    )
     expired.end()
     settled(server)
     late.connect().end()
@@ -179,7 +182,7 @@ def test_the_firewall_comes_back_and_the_tunnel_does_not_run_without_it(server: 
 def test_a_power_cut_while_it_is_made_is_completed_by_the_next_run(server: Stand) -> None:
     server.machine.run(f"systemctl stop {TUNNEL}; rm -rf {FOLDER} /etc/openvpn/server/atlantis.conf /etc/atlantis")
     with server.starting() as (process, _):
-        server.machine.run(f"until [ -e {FOLDER}/.ca.crt.atlantis-new ]; do :; done", timeout_s=60)
+        server.machine.run(f"until [ -e {FOLDER}/.ca.crt.atlantis-new ]; do :; done", timeout_s=HANG_S)
         server.machine.power_cut()
         for one in (process.pid, *below(process.pid)):  # a task has a session of its own, and holds the lock as well
             with suppress(ProcessLookupError):

@@ -22,7 +22,7 @@ from atlantis_netcfg.vpn.pki import key_pem
 if TYPE_CHECKING:
     from vpn_server_stand import Stand
 
-pytestmark = [pytest.mark.namespace, pytest.mark.campaign, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.namespace, pytest.mark.campaign]
 
 PASSPHRASE = vpn_server_stand._PASSPHRASE.reveal()
 

@@ -8,7 +8,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from debian_trees import GATEWAY
+from waiting import wait_until
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
@@ -31,7 +31,7 @@ from atlantis_netcfg.vpn.enrolment_package.profile import profile
 from atlantis_netcfg.vpn.identity import Identity, MemberKind, MemberLink
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.emulator.lab import Lab, Machine
@@ -42,19 +42,10 @@ NAME = "scc-vpn"
 ADDRESS, ROUTER = "10.64.0.10", "10.64.0.1"
 FOLDER = "/etc/openvpn/atlantis"
 TUNNEL = "openvpn-server@atlantis.service"
-PATIENCE_S = 20.0
 _PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))
 _PASSPHRASE = Secret("six words that a die has chosen")
 _CONNECTED = "Initialization Sequence Completed"
 _CONSOLE = {"name": "Role", "ansible.builtin.import_role": {"name": "openvpn_server", "rolespec_validate": False}}
-
-
-def wait(until: Callable[[], object], what: Callable[[], str]) -> None:
-    """Wait until something is so."""
-    end = time.monotonic() + PATIENCE_S
-    while not until():
-        assert time.monotonic() < end, what()
-        time.sleep(0.05)
 
 
 def below(pid: int) -> list[int]:
@@ -97,7 +88,7 @@ class Client:
         return self
 
     def connected(self, times: int = 1) -> None:
-        wait(
+        wait_until(
             lambda: self.log.count(_CONNECTED) >= times,
             lambda: f"{self.namespace} does not connect:\n{self.log[-3000:]}",
         )

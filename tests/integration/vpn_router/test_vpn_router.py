@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros.apply import DeviceResult
 
-pytestmark = pytest.mark.timeout(120)
 
 NAME, CERTIFICATE = "ovpn-scc", "atlantis-vpn"
 STEPS = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.bearers.lte import routeros
@@ -33,7 +33,6 @@ TABLES = st.none() | st.lists(ROWS, max_size=3)
 WANTED = WifiExpected(peer="b", access_point=True, ssid="s", protocol="nv2", frequency_mhz=5500)
 
 
-@settings(deadline=None)
 @given(st.sampled_from(Family), TABLES, st.none() | ROWS)
 def test_a_radio_may_say_anything(
     family: Family, table: list[dict[str, str]] | None, monitor: dict[str, str] | None
@@ -45,7 +44,6 @@ def test_a_radio_may_say_anything(
     assert not [name for name, value in shown.items() if name.endswith("_dbm") and value == 0]
 
 
-@settings(deadline=None)
 @given(st.none() | ROWS, TABLES, TABLES, TABLES, TABLES)
 def test_a_modem_may_say_anything(
     monitor: dict[str, str] | None,

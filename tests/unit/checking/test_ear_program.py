@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from ear_stand import ENOUGH_S, asked, asked_apart, listen, served, until_gone
+from waiting import HANG_S
 
 from atlantis_netcfg.checklist.probes import (
     CommandResult,
@@ -127,7 +128,7 @@ def test_a_program_that_hangs_is_ended_with_all_that_it_has_started(tmp_path: Pa
 
 def ended(pid: int) -> bool:
     """Whether a process ends that was killed: a zombie has, even if nobody has asked for it."""
-    until = time.monotonic() + 10
+    until = time.monotonic() + HANG_S
     while time.monotonic() < until:
         try:
             if ") Z " in Path(f"/proc/{pid}/stat").read_text():

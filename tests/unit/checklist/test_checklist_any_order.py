@@ -48,7 +48,7 @@ def _do(desk: Desk, deeds: list[tuple[str, str, Verdict]]) -> None:
     assert (last_green(desk.folder) is not None) is (document.exit is ExitCode.DONE)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(deeds=st.lists(DEEDS, max_size=12))
 def test_a_book_is_what_was_done_to_it(deeds: list[tuple[str, str, Verdict]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -63,7 +63,7 @@ _ANYTHING = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.dictionaries(_KEYS, st.dictionaries(_INNER, _ANYTHING, max_size=3) | _ANYTHING))
 def test_any_file_is_read_or_its_errors_are_told(data: object) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -173,7 +173,7 @@ def _thinned(declaration: Declaration, gone: dict[str, set[str]]) -> Declaration
 VEHICLES = ("girona500", "sparus", "zarco", "stork", "mares", "eca-rov")
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     gone=st.dictionaries(st.sampled_from(VEHICLES), st.sets(st.sampled_from(sorted(Endpoints.model_fields)))),
     mute=st.sets(st.sampled_from(list(registry.TITLES))),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from pilot_commands import Table, done
+from waiting import HANG_S
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._output import _reminder, progress
@@ -165,7 +166,7 @@ def test_a_plain_log_says_what_it_waits_for() -> None:
         for name in ("mast", "buoy", "boat", "pier"):
             notify(Event(name, Stage.CONNECTING, ""))
         reminded.clear()
-        assert reminded.wait(30)
+        assert reminded.wait(HANG_S)
     assert log.getvalue().splitlines()[-1] == (
         "  still at work, 0 s without news: mast (connecting), buoy (connecting), boat (connecting), 1 more"
     )

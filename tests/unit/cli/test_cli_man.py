@@ -8,6 +8,7 @@ import shutil
 import subprocess
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._arguments import FRAME
@@ -29,7 +30,7 @@ def run(program: str, *words: str, page: str) -> subprocess.CompletedProcess[str
         pytest.skip(f"{program} is not installed")
     environment = {**os.environ, "MANWIDTH": "80", "MAN_KEEP_FORMATTING": "", "LC_ALL": "C.UTF-8", "MANPAGER": "cat"}
     return subprocess.run(
-        [program, *words], input=page, env=environment, capture_output=True, text=True, check=False, timeout=60
+        [program, *words], input=page, env=environment, capture_output=True, text=True, check=False, timeout=HANG_S
     )
 
 

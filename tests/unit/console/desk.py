@@ -12,6 +12,8 @@ import tty
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from waiting import HANG_S
+
 from atlantis_netcfg.console.types import WireLost
 
 if TYPE_CHECKING:
@@ -168,7 +170,7 @@ class DeskLine:
     def __exit__(self, *_: object) -> None:
         os.write(self._theirs, b"")
         os.close(self._theirs)
-        self._thread.join(10)
+        self._thread.join(HANG_S)
         os.close(self._ours)
 
     def _serve(self) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Gateway, Recording
@@ -108,11 +109,11 @@ def recorder(tmp_path: Path) -> Iterator[Recorder]:
     made = Recorder(tmp_path, budget_mb=8)
     yield made
     made.running.terminate()  # and not killed: it ends the recorder, which has a session of its own
-    made.running.communicate(timeout=30)
+    made.running.communicate(timeout=HANG_S)
 
 
 def test_the_oldest_goes_before_the_budget_is_exceeded(recorder: Recorder) -> None:
-    most, until = 0, time.monotonic() + 60
+    most, until = 0, time.monotonic() + HANG_S
     while not any("_12.db3" in name for name in recorder.files):
         assert time.monotonic() < until, recorder.files
         assert recorder.running.poll() is None
@@ -121,7 +122,7 @@ def test_the_oldest_goes_before_the_budget_is_exceeded(recorder: Recorder) -> No
     assert recorder.budget // 2 < most <= recorder.budget
     assert not any("_0.db3" in name for name in recorder.files), "the oldest has gone"
     recorder.running.send_signal(signal.SIGTERM)
-    said, _ = recorder.running.communicate(timeout=30)
+    said, _ = recorder.running.communicate(timeout=HANG_S)
     assert recorder.running.returncode == 0
     assert "removed the oldest" in said
     assert list(recorder.bags.rglob("metadata.yaml")), "the bag was closed"

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import DesiredState
 from atlantis_netcfg.declaration import load
@@ -107,7 +108,7 @@ def read_by(program: Path, libraries: Path | None, file: Path) -> str:
     """What hostapd says of a file, for a radio that nobody has; it ends by itself."""
     environment = {**os.environ} if libraries is None else {**os.environ, "LD_LIBRARY_PATH": str(libraries)}
     words = [str(program), "-i", "atlantis-none", str(file)]
-    done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=20, env=environment)
+    done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=HANG_S, env=environment)
     assert done.returncode != 0
     return done.stdout + done.stderr
 
@@ -156,7 +157,7 @@ def test_the_validator_of_the_gateway_tells_them_apart(tmp_path: Path, word: str
     file = tmp_path / "wlan3.conf"
     file.write_text(radio.content.replace("wpa_passphrase=", f"{word}="))
     words = [item.replace("%s", str(file)) for item in radio.validate]
-    done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=20)
+    done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=HANG_S)
     assert (done.returncode == 0) is accepted, done.stdout + done.stderr
     assert ("unknown configuration item" in done.stdout) is not accepted
 

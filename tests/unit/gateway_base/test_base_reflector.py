@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.checklist.probes.agent.main import reflect
 from atlantis_netcfg.checklist.probes.agent.streams import ProbeError
@@ -161,7 +162,7 @@ def test_nothing_else_is_answered_and_no_answer_is_longer_than_its_message(port:
     token = b"0" * 32
     good = (b"atlantis-reflect " + token).ljust(224)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as here:
-        here.settimeout(5)
+        here.settimeout(HANG_S)
         for message in (
             b"",
             b"atlantis-reflect " + token,

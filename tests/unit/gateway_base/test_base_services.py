@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import HostedService, ServerComputer, VpnService
@@ -175,7 +176,7 @@ def test_a_stand_in_really_listens(tmp_path: Path, kind: str, sort: socket.Socke
 
 
 def _said(sort: socket.SocketKind, port: int) -> bytes:
-    until = time.monotonic() + 20
+    until = time.monotonic() + HANG_S
     while time.monotonic() < until:
         with socket.socket(socket.AF_INET, sort) as client:
             client.settimeout(0.2)

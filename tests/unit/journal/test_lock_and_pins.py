@@ -12,6 +12,7 @@ from pathlib import Path
 from threading import Barrier, Semaphore
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.journal import JournalFailed, Pins, PinsDamaged, SiteBusy, Store, write_atomically
@@ -65,7 +66,7 @@ def test_a_child_that_was_forked_meanwhile_does_not_keep_the_site(tmp_path: Path
     with Store(tmp_path).lock("coastal", "mine again"):
         assert child.is_alive()
     over.set()
-    child.join(30)
+    child.join(HANG_S)
     assert child.exitcode == 0
 
 
@@ -98,7 +99,7 @@ def test_of_many_at_once_exactly_one_wins(tmp_path: Path) -> None:
         everybody.wait()
         try:
             with Store(tmp_path).lock("coastal", "race"):
-                return all(losers.acquire(timeout=10) for _ in range(7))
+                return all(losers.acquire(timeout=HANG_S) for _ in range(7))
         except SiteBusy:
             losers.release()
             return False

@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.journal import Counters, JournalFailed, MonthBytes, StateDamaged, Store, Usage
@@ -168,7 +168,6 @@ def test_two_processes_lose_nothing_of_each_other(tmp_path: Path) -> None:
     assert [usage.month(name, NOON).bytes for name in names] == [19, 19]
 
 
-@settings(deadline=None)  # every look is put on disk
 @given(st.lists(st.tuples(st.integers(0, 10**9), st.integers(0, 10**9)), min_size=2, max_size=8))
 def test_counters_that_only_rise_are_counted_to_the_byte(
     tmp_path_factory: pytest.TempPathFactory, rises: list[tuple[int, int]]

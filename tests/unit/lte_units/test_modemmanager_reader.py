@@ -13,6 +13,7 @@ import pytest
 import yaml
 from jeepney import DBusAddress, MessageType, new_method_call
 from jeepney.io.blocking import open_dbus_connection
+from waiting import HANG_S
 
 from atlantis_netcfg.bearers.lte import LteReading, Registration
 from atlantis_netcfg.bearers.lte.modemmanager import MmUnreachable, read
@@ -69,13 +70,13 @@ def _wait_for_name(address: str, mock: subprocess.Popen[bytes]) -> None:
     ask = DBusAddress("/org/freedesktop/DBus", bus_name="org.freedesktop.DBus", interface="org.freedesktop.DBus")
     with open_dbus_connection(address) as connection:
         while mock.poll() is None:
-            reply = connection.send_and_get_reply(new_method_call(ask, "NameHasOwner", "s", (MM,)), timeout=30)
+            reply = connection.send_and_get_reply(new_method_call(ask, "NameHasOwner", "s", (MM,)), timeout=HANG_S)
             if reply.body[0]:
                 break
         manager = DBusAddress("/org/freedesktop/ModemManager1", bus_name=MM, interface=f"{MM}")
-        reply = connection.send_and_get_reply(new_method_call(manager, "ScanDevices"), timeout=30)
+        reply = connection.send_and_get_reply(new_method_call(manager, "ScanDevices"), timeout=HANG_S)
         while reply.header.message_type is MessageType.error and mock.poll() is None:
-            reply = connection.send_and_get_reply(new_method_call(manager, "ScanDevices"), timeout=30)
+            reply = connection.send_and_get_reply(new_method_call(manager, "ScanDevices"), timeout=HANG_S)
     assert mock.poll() is None
 
 

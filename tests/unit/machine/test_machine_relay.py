@@ -9,6 +9,7 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayTraffic, RelayWay
 from atlantis_netcfg.emulator.udp_link import LinkShape
@@ -16,13 +17,11 @@ from atlantis_netcfg.emulator.udp_link import LinkShape
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_PATIENCE_S = 20.0
-
 
 @pytest.fixture
 def server() -> Iterator[socket.socket]:
     with socket.create_server(("127.0.0.1", 0)) as made:
-        made.settimeout(_PATIENCE_S)
+        made.settimeout(HANG_S)
         yield made
 
 
@@ -36,9 +35,9 @@ class Both:
     """A connection through the relay, both ends of it."""
 
     def __init__(self, relay: Relay, server: socket.socket) -> None:
-        self.client = socket.create_connection(("127.0.0.1", relay.port), _PATIENCE_S)
+        self.client = socket.create_connection(("127.0.0.1", relay.port), HANG_S)
         self.machine, _ = server.accept()
-        self.machine.settimeout(_PATIENCE_S)
+        self.machine.settimeout(HANG_S)
 
     def close(self) -> None:
         self.client.close()
@@ -86,7 +85,7 @@ def test_a_reset_arrives_as_a_reset_behind_what_was_said_before(both: Both, brea
 
 def test_a_machine_that_refuses_resets(server: socket.socket, relay: Relay) -> None:
     server.close()
-    with pytest.raises(ConnectionError), socket.create_connection(("127.0.0.1", relay.port), _PATIENCE_S) as client:
+    with pytest.raises(ConnectionError), socket.create_connection(("127.0.0.1", relay.port), HANG_S) as client:
         client.recv(1)
 
 
@@ -139,19 +138,19 @@ def test_a_dead_link_keeps_what_is_under_way(both: Both, relay: Relay) -> None:
     both.machine.setblocking(False)
     with pytest.raises(BlockingIOError):
         both.machine.recv(1)
-    both.machine.settimeout(_PATIENCE_S)
+    both.machine.settimeout(HANG_S)
     relay.set(RelayWay())
     assert _everything(both.machine) == b"into the silence"
 
 
 def test_a_connection_over_a_dead_link_waits_for_it(server: socket.socket, relay: Relay) -> None:
     relay.set(RelayWay(up=False))
-    with socket.create_connection(("127.0.0.1", relay.port), _PATIENCE_S) as client:
+    with socket.create_connection(("127.0.0.1", relay.port), HANG_S) as client:
         client.sendall(b"patient")
         server.setblocking(False)
         with pytest.raises(BlockingIOError):
             server.accept()
-        server.settimeout(_PATIENCE_S)
+        server.settimeout(HANG_S)
         relay.set(RelayWay())
         machine, _ = server.accept()
         with machine:

@@ -9,6 +9,7 @@ import signal
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.core.worker import run_until_settled
 
@@ -58,6 +59,6 @@ def test_only_a_person_stops_the_settling(
     for number in numbers:
         os.kill(task.pid, number)
         task.join(0.1)  # two signals at once are one
-    task.join(30)
+    task.join(HANG_S)
     assert settled.exists() is settles
     assert (task.exitcode == 0) is settles

@@ -72,7 +72,7 @@ def test_an_answer_as_rfc_8762_has_it() -> None:
     assert sealed == bytes(expected) + _hmac(bytes(expected))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(0, 2**64 - 1),
@@ -130,7 +130,7 @@ def test_a_packet_that_is_cut_off_is_no_packet(length: int) -> None:
         decode_sender(SenderPacket(1, TIME, 1).encode(KEY)[:length], KEY)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(0, 2**62))
 def test_times_survive_the_format_of_ntp(moment: int) -> None:
     moment %= 4_000_000_000 * 1_000_000_000  # until 2096

@@ -6,6 +6,7 @@ import random
 import socket
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.udp_link import LinkModel, LinkShape, UdpRelay
 
@@ -64,13 +65,13 @@ def test_nothing_passes_in_a_gap_nor_beyond_the_mtu() -> None:
 def test_the_relay_carries_both_ways() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
         server.bind(("127.0.0.1", 0))
-        server.settimeout(20)
+        server.settimeout(HANG_S)
         shape = LinkShape(delay_s=0.01, duplicates=1.0)
         with (
             UdpRelay(server.getsockname(), shape, LinkShape()) as relay,
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client,
         ):
-            client.settimeout(20)
+            client.settimeout(HANG_S)
             client.sendto(b"there", relay.address)
             first, back = server.recvfrom(100)
             second, _ = server.recvfrom(100)

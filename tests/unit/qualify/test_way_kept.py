@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.declaration import load
@@ -39,7 +40,7 @@ class Waiting:
 
     def measure(self) -> str:
         self.begun()
-        assert self.stop.wait(60)
+        assert self.stop.wait(HANG_S)
         self.reason = "stopped"
         return self.reason
 

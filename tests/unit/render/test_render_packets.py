@@ -61,7 +61,7 @@ def leaving(draw: st.DrawFn, out: str) -> Packet:
 
 
 @pytest.mark.parametrize("site", WITH_SATELLITE)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @drawn(data=st.data())
 def test_satellite_carries_declared_targets_only(site: str, data: st.DataObject) -> None:
     packet = data.draw(leaving(link(site, "satellite")))

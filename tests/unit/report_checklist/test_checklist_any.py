@@ -45,7 +45,7 @@ def whole(document: Document) -> None:
 
 
 @given(documents())
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
 def test_any_document(document: Document) -> None:
     harmless(document)
     whole(document)

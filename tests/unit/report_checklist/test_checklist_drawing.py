@@ -187,7 +187,7 @@ def test_it_is_well_formed_and_asks_for_nothing(document: Document) -> None:
 
 
 @given(DRAWINGS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_drawing_can_be_drawn(made_of: Drawing) -> None:
     document = made.example(drawing=made_of)
     shapes = layout(document)

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.routeros.api._wire import (
@@ -19,7 +19,6 @@ sentences = st.lists(st.lists(words, min_size=1, max_size=6).map(tuple), max_siz
 
 
 @given(sentences, st.lists(st.integers(min_value=1, max_value=400), max_size=40))
-@settings(deadline=None)
 def test_sentences_survive_however_the_stream_is_cut(sent: list[tuple[str, ...]], cuts: list[int]) -> None:
     stream = b"\0".join(map(encode, sent))
     decoder = Decoder()
@@ -32,7 +31,6 @@ def test_sentences_survive_however_the_stream_is_cut(sent: list[tuple[str, ...]]
 
 
 @given(sentences)
-@settings(deadline=None)
 def test_sentences_survive_byte_by_byte(sent: list[tuple[str, ...]]) -> None:
     decoder = Decoder()
     received = [words for byte in b"".join(map(encode, sent)) for words in decoder.feed(bytes([byte]))]

@@ -25,7 +25,6 @@ LINES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1) | st.text(
 OTHERS = st.lists(LINES, min_size=1, max_size=4)
 
 
-@settings(deadline=None)
 @given(OTHERS)
 def test_every_line_comes_to_the_parser_as_it_is(lines: list[str]) -> None:
     """Through the text of the array, the inner script, and the text that is parsed; and nothing else is in them."""
@@ -42,7 +41,7 @@ def test_every_line_comes_to_the_parser_as_it_is(lines: list[str]) -> None:
         assert unquote(f'"{inner}"') == line
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(LINES)
 def test_a_line_is_never_executed(line: str) -> None:
     """Whatever stands in it: the device has one identity before and after, and says one thing of the line."""

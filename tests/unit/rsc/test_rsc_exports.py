@@ -115,7 +115,6 @@ def test_there_is_something_of_everything() -> None:
 
 
 @given(exports())
-@settings(deadline=None)
 def test_printing_tells_what_was_to_be_told(export: Export) -> None:
     """The second reader agrees on anything that can be printed, whatever stands in the values."""
     found = told(print_export(export))
@@ -127,7 +126,7 @@ def test_printing_tells_what_was_to_be_told(export: Export) -> None:
 
 
 @given(data=st.data())
-@settings(deadline=None, max_examples=4 * settings().max_examples)
+@settings(max_examples=4 * settings().max_examples)
 def test_a_damaged_text_is_read_or_refused_in_words(data: st.DataObject) -> None:
     """Never another error than ours; and what is read in spite of the damage is again stable."""
     name = data.draw(st.sampled_from(sorted(texts())))

@@ -3,7 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rsc_strategies import exports, statements
 
@@ -179,21 +179,18 @@ def test_one_statement_can_carry_its_menu(menu: str, text: str) -> None:
 
 
 @given(exports())
-@settings(deadline=None)
 def test_printing_loses_nothing(export: Export) -> None:
     assert parse(print_export(export)) == export
     assert parse(print_export(export, width=None)) == export
 
 
 @given(exports())
-@settings(deadline=None)
 def test_printing_is_stable(export: Export) -> None:
     text = print_export(export)
     assert print_export(parse(text)) == text
 
 
 @given(statements(), st.integers(min_value=1, max_value=140))
-@settings(deadline=None)
 def test_a_wrap_at_any_width_is_undone(statement: Statement, width: int) -> None:
     text = print_statement(statement, width=width, path=True)
     (back,) = parse(text).statements
@@ -208,7 +205,6 @@ def test_a_wrap_at_any_width_is_undone(statement: Statement, width: int) -> None
 
 
 @given(statements(), st.integers(min_value=40, max_value=140))
-@settings(deadline=None)
 def test_no_line_is_wider_than_asked_but_for_the_backslash_of_a_cut_value(statement: Statement, width: int) -> None:
     lines = print_statement(statement, width=width).split("\n")
     assert all(line.startswith("    ") and line[4:5] != " " for line in lines[1:])

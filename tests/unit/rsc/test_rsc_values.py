@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from rsc_strategies import values
 
 from atlantis_netcfg.rsc import quote, unquote
@@ -71,7 +71,6 @@ def test_a_wrong_value_is_refused_in_words(text: str, complaint: str) -> None:
 
 
 @given(values)
-@settings(deadline=None)
 def test_every_value_survives(value: str) -> None:
     text = quote(value)
     assert unquote(text) == value

@@ -57,7 +57,7 @@ def _filled(tables: dict[str, list[object]]) -> dict[str, list[object]]:
     return {path: rows for path, rows in tables.items() if rows}
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(ACTIONS, max_size=25))
 def test_unroll_gives_back_the_router(actions: list[list[str]]) -> None:
     device, caller = _router()
@@ -71,7 +71,7 @@ def test_unroll_gives_back_the_router(actions: list[list[str]]) -> None:
     assert _look(device, caller) == rows
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(ACTIONS, max_size=20))
 def test_undo_all_then_redo_all(actions: list[list[str]]) -> None:
     device, caller = _router()
@@ -88,7 +88,7 @@ def test_undo_all_then_redo_all(actions: list[list[str]]) -> None:
     assert device.export() == after
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(ACTIONS, max_size=25))
 def test_an_export_goes_into_a_fresh_router(actions: list[list[str]]) -> None:
     device, caller = _router()

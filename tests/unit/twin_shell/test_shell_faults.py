@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import asyncssh
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import (
     EmulatedRouter,
@@ -25,12 +26,11 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 PASSWORD = "open sesame"
-PATIENCE_S = 20.0
 ADD = "/ip pool add name=s ranges=10.0.0.1"
 
 
 def run(main: Coroutine[Any, Any, T]) -> T:
-    return asyncio.run(asyncio.wait_for(main, PATIENCE_S))
+    return asyncio.run(asyncio.wait_for(main, HANG_S))
 
 
 @asynccontextmanager

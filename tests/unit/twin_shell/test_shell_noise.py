@@ -66,13 +66,13 @@ def shown(login: str, text: str, *, cut: bool) -> tuple[str, str]:
     return terminal.shown() + terminal.type(text, cut=cut), bench.text()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(login=LOGINS, text=TYPED)
 def test_the_same_whole_and_byte_by_byte(login: str, text: str) -> None:
     assert shown(login, text, cut=False) == shown(login, text, cut=True)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.binary(max_size=60))
 def test_any_bytes(data: bytes) -> None:
     text = data.decode(errors="surrogateescape")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import librouteros
 import pytest
 from pydantic import ValidationError
+from waiting import HANG_S
 from wire_helpers import PASSWORD, router_spec
 
 from atlantis_netcfg.emulator.routeros import SiteSpec, TwinRefused, TwinsFailed, TwinSpec, spawn
@@ -52,7 +53,7 @@ def test_the_protocol_and_sigterm(tmp_path: Path) -> None:
         assert ask(twins, '{"twin": "router", "do": "export"}')["result"].startswith("# ")
         assert ask(twins, json.dumps({"twin": "router", "do": "console", "words": RENAME}))["ok"] is True
         twins.send_signal(signal.SIGTERM)
-        assert twins.wait(20) == 0
+        assert twins.wait(HANG_S) == 0
     with process(tmp_path) as twins:
         again = ask(twins, "")
         assert again["twins"]["router"]["pin"] == ready["twins"]["router"]["pin"]

@@ -185,7 +185,7 @@ def test_a_client_makes_the_same_of_the_answers_however_they_come(
 
 
 @given(sentences, st.lists(st.integers(1, 5000), max_size=30))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_both_ends_write_and_read_the_same(said: list[tuple[str, ...]], sizes: Sequence[int]) -> None:
     stream = b"".join(map(client_encode, said))
     assert stream == b"".join(map(twin_encode, said))

@@ -121,7 +121,7 @@ def misspelt(draw: st.DrawFn) -> str:
     return word[:place] + letter + word[place + draw(st.integers(0, 1)) :]
 
 
-@settings(max_examples=3 * settings().max_examples, deadline=None)
+@settings(max_examples=3 * settings().max_examples)
 @given(
     version=st.sampled_from(VERSIONS),
     path=st.lists(st.one_of(st.sampled_from(WORDS), misspelt()), min_size=1, max_size=3),
@@ -140,7 +140,7 @@ def test_paths_that_lead_nowhere_are_refused(version: str, path: list[str], comm
         assert said not in ("no such command", "no such command prefix")
 
 
-@settings(max_examples=3 * settings().max_examples, deadline=None)
+@settings(max_examples=3 * settings().max_examples)
 @given(data=st.data(), version=st.sampled_from(VERSIONS))
 def test_arguments_of_elsewhere_are_refused(data: st.DataObject, version: str) -> None:
     tree = Tree(version)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from authority_stand import POOL, stand
 from hostile_names import hostile_names, is_legitimate
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
@@ -48,7 +48,6 @@ def well_said(refused: NameRefused, what: str) -> None:
     assert len(told) < 400
 
 
-@settings(deadline=None)
 @given(st.text(max_size=60) | st.from_regex(r"[a-z0-9-]{1,50}\n?"))
 def test_any_text_is_taken_as_it_should_be(text: str) -> None:
     try:

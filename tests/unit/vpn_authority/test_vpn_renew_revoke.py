@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from authority_stand import stand, wish
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import UsageError
@@ -171,7 +171,6 @@ AFTER = st.sampled_from(KNOWN).flatmap(
 )
 
 
-@settings(deadline=None)
 @given(st.lists(AFTER, max_size=12))
 def test_nothing_brings_a_revoked_certificate_back(after: list[records.Record]) -> None:
     fold = LedgerState(LedgerEntry(number, NOW, "me", "op", issued(name)) for number, name in enumerate(KNOWN, start=1))

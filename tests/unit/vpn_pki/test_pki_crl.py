@@ -156,7 +156,7 @@ FLIPPED = st.integers(0, 8 * len(GOOD) - 1).map(
 SPLICED = st.tuples(st.integers(0, 200), st.binary(max_size=20)).map(lambda at: GOOD[: at[0]] + at[1] + GOOD[at[0] :])
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(pem=st.sampled_from(sorted(WRONG.values())) | CUT | FLIPPED | SPLICED.filter(lambda pem: pem != GOOD))
 def test_no_wrong_list_comes_in_place_of_a_good_one(tmp_path: Path, pem: bytes) -> None:
     path = tmp_path / "crl.pem"
@@ -170,7 +170,7 @@ def test_no_wrong_list_comes_in_place_of_a_good_one(tmp_path: Path, pem: bytes) 
     assert [*tmp_path.iterdir()] == [path]
 
 
-@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seconds=st.lists(st.integers(-3600, 3600), min_size=2, max_size=6))
 def test_openvpn_sees_each_new_list_whatever_the_clock_does(tmp_path: Path, seconds: list[int]) -> None:
     path = tmp_path / "crl.pem"

@@ -87,7 +87,7 @@ def test_odd_keys_that_harm_nobody_are_taken(inventory: Path) -> None:
     "examples", [pytest.param(8, id="sample"), pytest.param(40, id="campaign", marks=pytest.mark.campaign)]
 )
 def test_keys_that_nobody_thought_of(inventory: Path, examples: int) -> None:
-    @settings(max_examples=examples, deadline=None, suppress_health_check=_HEALTH)
+    @settings(max_examples=examples, suppress_health_check=_HEALTH)
     @given(st.lists(_TEXTS, min_size=60, max_size=120, unique=True))
     def each(keys: list[str]) -> None:
         others = [key for key in keys if key not in {"inesc", "eca"}]

@@ -235,7 +235,7 @@ _TEXTS = st.text(st.characters(categories=("L", "N", "P", "S", "Zs")), min_size=
 
 
 @pytest.mark.namespace
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     keys=st.lists(_KEYS | st.sampled_from(["ip", "tcp", "log", "drop", "table", "set"]), max_size=8, unique=True),
     services=st.lists(_TEXTS, max_size=4),

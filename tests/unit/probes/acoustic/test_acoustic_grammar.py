@@ -224,7 +224,7 @@ STREAMS = st.one_of(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(STREAMS)
 def test_nothing_raises(stream: bytes) -> None:
     heard = evologics.pieces(stream)
@@ -238,14 +238,14 @@ def test_nothing_raises(stream: bytes) -> None:
         read(stream)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.binary(max_size=80), st.binary(max_size=20))
 def test_any_body_comes_out_as_it_went_in(body: bytes, raw: bytes) -> None:
     stream = raw.replace(b"+", b"") + b"+++AT:%d:%b\r\n" % (len(body), body)
     assert [piece.body for piece in evologics.pieces(stream) if piece.command] == [body]
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.binary(min_size=1, max_size=40))
 def test_any_record_comes_out_as_it_went_in(payload: bytes) -> None:
     command = seatrac.command(payload)

@@ -35,7 +35,7 @@ CLASSES = ("TPV", "SKY", "DEVICES", "DEVICE", "VERSION", "ERROR", "WATCH", "AIS"
 OBJECTS = some.dictionaries(some.sampled_from((*NAMES, "satellites", "message", "release")), VALUES, max_size=6)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(some.lists(some.tuples(some.sampled_from(CLASSES), OBJECTS), max_size=6), some.binary(max_size=30))
 def test_whatever_comes_something_is_said(objects: list[tuple[str, dict[str, Any]]], noise: bytes) -> None:
     pieces = [said({"class": kind, **values}) for kind, values in objects]

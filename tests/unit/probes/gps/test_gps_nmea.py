@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 from gps_said import epoch, framed, gga, gsa, heard, nmea, rmc
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as some
 
 from atlantis_netcfg.checklist.probes.gps.nmea import checksum, read, sentence
@@ -128,7 +128,6 @@ LINES = [gga(0), rmc(0), gsa(), epoch(1), gga(2, quality=0), framed("GPZDA,10150
 FIELDS = some.text("0123456789.,-NSEWAVM*$", max_size=70)
 
 
-@settings(deadline=None)
 @given(
     some.lists(
         some.one_of(
@@ -148,7 +147,6 @@ def test_no_stream_makes_the_reader_fail(pieces: list[bytes]) -> None:
     assert all(report.mode in {None, 1, 2, 3} for report in found.reports)
 
 
-@settings(deadline=None)
 @given(some.floats(-90, 90), some.floats(-180, 180))
 def test_a_position_survives_its_sentence(latitude: float, longitude: float) -> None:
     def minutes(value: float, digits: int) -> str:

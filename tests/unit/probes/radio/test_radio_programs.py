@@ -6,6 +6,7 @@ import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
+from waiting import HANG_S
 
 from atlantis_netcfg.checklist.probes import CommandResult, Place
 from atlantis_netcfg.checklist.probes import ping as _ping
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def run(question: RunProgram) -> CommandResult:
-    done = subprocess.run(question.argv, capture_output=True, text=True, timeout=20, check=False)
+    done = subprocess.run(question.argv, capture_output=True, text=True, timeout=HANG_S, check=False)
     return CommandResult(None, rc=done.returncode, out=done.stdout, err=done.stderr)
 
 
@@ -57,7 +58,7 @@ def test_ping_is_read_as_it_prints(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def iw(*words: str) -> CommandResult:
-    done = subprocess.run(("iw", *words), capture_output=True, text=True, timeout=20, check=False)
+    done = subprocess.run(("iw", *words), capture_output=True, text=True, timeout=HANG_S, check=False)
     return CommandResult(None, rc=done.returncode, out=done.stdout, err=done.stderr)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as some
 from rc_cases import CASES, Case
 from rc_said import ARMED, UNUSED, WANTED, Says, bytewise, heard
@@ -151,7 +151,6 @@ def test_the_sticks_are_listened_to_until_the_end_for_it_may_be_armed_at_any_mom
 FRAMES = [*Says().second(), *Says(version=1).second(), b"\xfd", b"\xfe", b"\xfd\xff\x01\x00\x00\x01\x01\x41\x00\x00"]
 
 
-@settings(deadline=None)
 @given(some.lists(some.one_of(some.sampled_from(FRAMES), some.binary(max_size=40)), max_size=12))
 def test_no_datagram_makes_the_reader_fail(datagrams: list[bytes]) -> None:
     transcript = heard([datagrams])
