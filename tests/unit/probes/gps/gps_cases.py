@@ -217,10 +217,7 @@ LIES = (
         ("FAIL time-goes-back: Sparus's time goes back by 2.0 s from one position to the next",),
     ),
     Case(
-        "gpsd, ten reports a second",
-        GPSD,
-        heard(gpsd(*[tpv(s / 10) for s in range(10)], every_s=0.1)),
-        (WELL_SPARUS,),
+        "gpsd, ten reports a second", GPSD, heard(gpsd(*[tpv(s / 10) for s in range(10)], every_s=0.1)), (WELL_SPARUS,)
     ),
     Case(
         "NMEA, moving while the position stands still",
@@ -351,12 +348,7 @@ CASES = (
         ("PASS fix: Zarco has a 3D fix of 9 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence",),
     ),
     # Sick, without a fix.
-    Case(
-        "gpsd, no fix",
-        GPSD,
-        heard(gpsd(*[NO_FIX] * 10)),
-        ("FAIL no-fix: Sparus's receiver works and has no fix",),
-    ),
+    Case("gpsd, no fix", GPSD, heard(gpsd(*[NO_FIX] * 10)), ("FAIL no-fix: Sparus's receiver works and has no fix",)),
     Case(
         "gpsd, no fix under a roof",
         GPSD,

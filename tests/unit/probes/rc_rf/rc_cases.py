@@ -71,10 +71,7 @@ CASES = (
         {"system_id": 4},
     ),
     Case(
-        "sticks moved",
-        "sticks",
-        heard(moving(Says())),
-        ("PASS moved: Stork's channels follow the sticks: 1, 2, 3, 4",),
+        "sticks moved", "sticks", heard(moving(Says())), ("PASS moved: Stork's channels follow the sticks: 1, 2, 3, 4",)
     ),
     Case(
         "sticks moved, MAVLink 1",
