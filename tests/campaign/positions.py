@@ -203,10 +203,7 @@ STYLES: Mapping[str, tuple[Callable[[Epoch], bytes], frozenset[str]]] = {
     "GLL alone": (lambda e: _gll("GP", e), frozenset({"nature", "void", "time"})),
     "GGA alone": (lambda e: _gga("GP", e), frozenset({"count", "nature", "time"})),
     "GGA and ZDA": (lambda e: _zda(e) + _gga("II", e), frozenset({"date", "count", "nature", "time"})),
-    "GNS": (
-        lambda e: _gns("GN", e) + _rmc("GN", e),
-        frozenset({"date", "speed", "count", "nature", "void", "time"}),
-    ),
+    "GNS": (lambda e: _gns("GN", e) + _rmc("GN", e), frozenset({"date", "speed", "count", "nature", "void", "time"})),
     "multiplexer": (
         lambda e: _tagged(_ublox(e), "s:GP0001"),
         frozenset({"date", "speed", "count", "nature", "dimensions", "void", "time", "sources"}),
@@ -373,10 +370,7 @@ RIDES: Mapping[str, tuple[frozenset[str], Callable[[Random, Ride], Ride]]] = {
         frozenset({"time", "date"}),
         lambda rng, one: _shifted(one, -DAY_S * rng.randrange(1, 900) - rng.choice((0.0, rng.uniform(0, DAY_S)))),
     ),
-    "replayed, a whole hour": (
-        frozenset({"time"}),
-        lambda rng, one: _shifted(one, -3600.0 * rng.randrange(1, 11)),
-    ),
+    "replayed, a whole hour": (frozenset({"time"}), lambda rng, one: _shifted(one, -3600.0 * rng.randrange(1, 11))),
     "week rolled over": (frozenset({"date"}), lambda rng, one: _shifted(one, -1024 * 7 * DAY_S * rng.randrange(1, 3))),
     "future": (frozenset({"time"}), lambda rng, one: _shifted(one, rng.uniform(8, 40_000))),
     "replayed, another pace": (frozenset({"time"}), _paced),

@@ -278,10 +278,7 @@ RECORDED_LIES: Mapping[str, Callable[[Stream], Stream]] = {
 }
 
 
-RECORDED_IN_TROUBLE = {
-    "foretrex-201.log": "FAIL no-satellites",
-    "sl869.log": "FAIL position-jumps",
-}
+RECORDED_IN_TROUBLE = {"foretrex-201.log": "FAIL no-satellites", "sl869.log": "FAIL position-jumps"}
 """The one holds a fix after its last satellite, the first fixes of the other are 72 m apart."""
 
 

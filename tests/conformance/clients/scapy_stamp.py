@@ -46,10 +46,7 @@ def _plain(packet: Any) -> dict[str, Any]:
 def read(job: dict[str, Any]) -> Any:
     """What it sees in our packets."""
     sender = [_plain(STAMPSessionSenderTestUnauthenticated(bytes.fromhex(text))) for text in job["requests"]]
-    return [
-        sender,
-        [_plain(STAMPSessionReflectorTestUnauthenticated(bytes.fromhex(text))) for text in job["answers"]],
-    ]
+    return [sender, [_plain(STAMPSessionReflectorTestUnauthenticated(bytes.fromhex(text))) for text in job["answers"]]]
 
 
 def send(job: dict[str, Any]) -> Any:

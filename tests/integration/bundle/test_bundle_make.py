@@ -185,10 +185,7 @@ def test_two_hosts_share_packages_and_each_sees_its_own(laptop: Laptop) -> None:
 
 @pytest.mark.parametrize(
     ("signed", "expires", "words"),
-    [
-        (datetime(2020, 1, 1, tzinfo=UTC), datetime(2021, 1, 1, tzinfo=UTC), "EXPKEYSIG"),
-        (None, None, "NO_PUBKEY"),
-    ],
+    [(datetime(2020, 1, 1, tzinfo=UTC), datetime(2021, 1, 1, tzinfo=UTC), "EXPKEYSIG"), (None, None, "NO_PUBKEY")],
 )
 def test_a_source_whose_key_is_not_good_is_refused(
     laptop: Laptop, signed: datetime | None, expires: datetime | None, words: str

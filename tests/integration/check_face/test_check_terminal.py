@@ -93,9 +93,7 @@ def terminals() -> Iterator[Callable[[], Terminal]]:
 
 
 def test_ctrl_c_at_a_question_and_on_to_the_signature(
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path_factory: pytest.TempPathFactory,
-    terminals: Callable[[], Terminal],
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory, terminals: Callable[[], Terminal]
 ) -> None:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path_factory.mktemp("terminal")))
     first = terminals()

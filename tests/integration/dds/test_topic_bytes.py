@@ -52,11 +52,7 @@ ON_THE_CABLE = (
     SteadyTopic(5.0, 6000, reliable=True),
     SteadyTopic(5.0, 6000),
 )
-OVER_THE_SATELLITE = (
-    SteadyTopic(1.0, 32, reliable=True),
-    SteadyTopic(4.0, 32),
-    SteadyTopic(0.4, 6000, reliable=True),
-)
+OVER_THE_SATELLITE = (SteadyTopic(1.0, 32, reliable=True), SteadyTopic(4.0, 32), SteadyTopic(0.4, 6000, reliable=True))
 
 
 @dataclass(frozen=True)

@@ -42,9 +42,7 @@ def bench(tmp_path: Path, desired: str, version: str = "7.18.2", **spec: Any) ->
     """An adopted one: its address is on the port of the cable to the router, and packets come from the router."""
     management = ManagementSpec(address="10.64.1.5/24", port="ether1", technician="10.64.1.1")
     return Bench(
-        tmp_path,
-        desired,
-        spec={"version": version, "ports": PORTS, "poe_ports": (), "management": management, **spec},
+        tmp_path, desired, spec={"version": version, "ports": PORTS, "poe_ports": (), "management": management, **spec}
     )
 
 

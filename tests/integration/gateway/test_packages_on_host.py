@@ -62,7 +62,7 @@ class Board:
                     "path": KEYRING,
                     "content_base64": base64.b64encode(self.archive.key).decode(),
                     "fingerprint": self.archive.fingerprint,
-                },
+                }
             ],
             "expected": {"codename": "bookworm", "distribution": "debian"},
             **more,
@@ -86,11 +86,7 @@ class Board:
         said, errors = self.folder / "said", self.folder / "errors"
         with said.open("w") as output, errors.open("w") as other:
             preforked.ansible(
-                *(ADHOC, words),
-                env=environment,
-                folder=ROOT,
-                output=output.fileno(),
-                errors=other.fileno(),
+                *(ADHOC, words), env=environment, folder=ROOT, output=output.fileno(), errors=other.fileno()
             ).wait()
         text = said.read_text()
         assert "=> {" in text, text + errors.read_text()

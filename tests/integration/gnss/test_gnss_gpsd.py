@@ -119,10 +119,7 @@ def test_a_gpsd_without_its_receiver_says_so() -> None:
     gone = f"tcp://127.0.0.1:{free_port()}"
     with gpsd(gone, at_once=False) as port, RunningGpsd(GnssSpec(device=False)) as twin:
         found = judged(
-            {
-                "real": Asked(GpsDriver.GPSD, port, listen_s=0.3),
-                "twin": Asked(GpsDriver.GPSD, twin.port, listen_s=0.3),
-            }
+            {"real": Asked(GpsDriver.GPSD, port, listen_s=0.3), "twin": Asked(GpsDriver.GPSD, twin.port, listen_s=0.3)}
         )
     assert codes(found["real"]) == codes(found["twin"]) == ["FAIL device-missing"]
 

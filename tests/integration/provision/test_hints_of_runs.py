@@ -131,11 +131,7 @@ def test_somebody_else_holds_safe_mode(at: Quay) -> None:
     (command,) = advised(told["hint"])
     assert command == ["resume", "site=coastal", f"inventory={at.inventory}"]
     with subprocess.Popen(
-        [PROVISION, *command],
-        env=at.environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
+        [PROVISION, *command], env=at.environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     ) as running:
         assert running.stderr is not None
         assert any("holds safe mode: waiting" in line for line in running.stderr)

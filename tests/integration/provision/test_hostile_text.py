@@ -13,16 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hostile_console import hostile_console
 from hostile_ssh import MANNERS, before_ssh
-from impostor import (
-    HOSTILE,
-    control_characters,
-    fake_lines,
-    hostile,
-    in_every,
-    leaving_out,
-    refused_login,
-    refusing,
-)
+from impostor import HOSTILE, control_characters, fake_lines, hostile, in_every, leaving_out, refused_login, refusing
 from npk_files import write
 from quay import ADDRESS, ROUTER, Door, Quay, forwarded, quay
 from vpn_desk import NOBODY, PASSPHRASE, over_a_pipe

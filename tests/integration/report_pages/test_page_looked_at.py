@@ -43,11 +43,7 @@ class Screen:
     dark: bool = False
 
 
-SCREENS = {
-    "telephone": Screen(360, 800),
-    "desktop": Screen(1280, 900),
-    "telephone-dark": Screen(360, 800, dark=True),
-}
+SCREENS = {"telephone": Screen(360, 800), "desktop": Screen(1280, 900), "telephone-dark": Screen(360, 800, dark=True)}
 
 
 @pytest.fixture(scope="module")

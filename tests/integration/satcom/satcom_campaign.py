@@ -58,10 +58,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[3]
 PROGRAMS = Path(__file__).with_name("programs")
 GATEWAY, CENTRE = "coastal-gateway", "scc-control"
-CERTUS = (
-    LinkShape(352_000, 0.28, jitter_s=0.025, loss=0.01),
-    LinkShape(704_000, 0.28, jitter_s=0.025, loss=0.01),
-)
+CERTUS = (LinkShape(352_000, 0.28, jitter_s=0.025, loss=0.01), LinkShape(704_000, 0.28, jitter_s=0.025, loss=0.01))
 """Up and down, as facts of such links have it: no gaps, a queue of 64 kB each way."""
 KEY = b"an example key, 32 octets long.."
 PORT = 862

@@ -9,18 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from satellite_rendered import SITES, rendered
-from satellite_stage import (
-    PARTNER,
-    ROBOT,
-    WORLD,
-    Seen,
-    Stage,
-    send_echo,
-    send_syn,
-    send_udp,
-    stage,
-    token,
-)
+from satellite_stage import PARTNER, ROBOT, WORLD, Seen, Stage, send_echo, send_syn, send_udp, stage, token
 from waiting import HANG_S
 
 if TYPE_CHECKING:

@@ -69,10 +69,7 @@ CASES = {
         ("can not install gps-7.21.5: system-7.21.5 is needed",),
     ),
     "one more of the same version": Case(
-        ("routeros",),
-        (("gps", "7.18.2", "arm64"),),
-        {"routeros": "7.18.2", "gps": "7.18.2"},
-        ("installed gps-7.18.2",),
+        ("routeros",), (("gps", "7.18.2", "arm64"),), {"routeros": "7.18.2", "gps": "7.18.2"}, ("installed gps-7.18.2",)
     ),
 }
 

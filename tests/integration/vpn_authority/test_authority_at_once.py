@@ -15,14 +15,7 @@ from atlantis_netcfg.vpn.authority.authority import Authority
 if TYPE_CHECKING:
     from pathlib import Path
 
-SIX = (
-    "issue b c d",
-    "issue d e",
-    "issue f",
-    "renew iqua-a",
-    "revoke iqua-gone",
-    "publish",
-)
+SIX = ("issue b c d", "issue d e", "issue f", "renew iqua-a", "revoke iqua-gone", "publish")
 WHOLE = {"a": 2, "gone": 0, "b": 1, "c": 1, "d": 1, "e": 1, "f": 1}
 
 

@@ -326,13 +326,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
     key, public = _key(folder)
     with ExitStack() as stack:
         ground = stack.enter_context(open_lab(folder / "yard"))
-        machine = ground.start(
-            NAME,
-            build_rootfs(GATEWAY),
-            address=f"{ADDRESS}/24",
-            gateway=ROUTER,
-            keys=(public,),
-        )
+        machine = ground.start(NAME, build_rootfs(GATEWAY), address=f"{ADDRESS}/24", gateway=ROUTER, keys=(public,))
         vpn = folder / "state" / "vpn"
         vpn.parent.mkdir(mode=0o700)
         Authority.init(vpn, _PASSPHRASE, server_names(real.declaration), "founder", "vault")

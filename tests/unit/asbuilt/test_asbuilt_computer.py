@@ -115,12 +115,7 @@ def test_its_cards_and_whom_it_has_heard() -> None:
 
 
 def test_packages_are_those_that_dpkg_says_are_installed() -> None:
-    assert read().packages == {
-        "chrony": "4.3-2",
-        "gpsd": "not installed",
-        "odd": "1:2.0=x",
-        "none": "not installed",
-    }
+    assert read().packages == {"chrony": "4.3-2", "gpsd": "not installed", "odd": "1:2.0=x", "none": "not installed"}
     assert read(packages=None).packages == {}
 
 
@@ -183,9 +178,6 @@ def test_a_gateway_that_does_not_answer_is_not_reached_and_has_no_value(
 
 def test_a_computer_of_which_a_program_is_missing_is_read_without_it() -> None:
     found = computer.read(
-        GATEWAY,
-        {**answers(), "host_key": CommandResult(Trouble.MISSING, "there is no program ssh-keygen")},
-        (),
-        {},
+        GATEWAY, {**answers(), "host_key": CommandResult(Trouble.MISSING, "there is no program ssh-keygen")}, (), {}
     )
     assert (found.facts["host_key"].value, found.missing) == (None, ())

@@ -70,6 +70,6 @@ def test_programs_find_the_keys_that_they_know() -> None:
         *("devices", "since", "changes", "notes", "not_rehearsed", "spent", "costs", "exit", "errors", "tables"),
     }
     assert set(found["devices"][0]) == {
-        *("name", "kind", "state", "why", "hint", "read_at", "facts", "ports", "elsewhere", "packages", "notes"),
+        *("name", "kind", "state", "why", "hint", "read_at", "facts", "ports", "elsewhere", "packages", "notes")
     }
     assert set(found["devices"][0]["facts"]["serial"]) == {"value", "origin", "at", "note"}

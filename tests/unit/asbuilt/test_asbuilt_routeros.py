@@ -142,11 +142,7 @@ def test_a_board_that_shows_no_serial_number_is_not_given_one() -> None:
 
 @pytest.mark.parametrize(
     ("mask", "imei"),
-    [
-        (NumberMask.LAST4, "***********0000"),
-        (NumberMask.FULL, "***************"),
-        (NumberMask.NONE, "001017000000000"),
-    ],
+    [(NumberMask.LAST4, "***********0000"), (NumberMask.FULL, "***************"), (NumberMask.NONE, "001017000000000")],
 )
 def test_the_numbers_of_a_modem_are_masked_as_declared(mask: NumberMask, imei: str) -> None:
     facts = Box("", ModemSpec()).read("lte1", mask).facts

@@ -45,10 +45,7 @@ def test_questions_for_the_time() -> None:
     assert time_questions(2, 1024).both == pytest.approx(2 * 2 * 76 * DAY_S / 1024)
 
 
-@pytest.mark.parametrize(
-    ("ping_s", "mb_a_day"),
-    [(10, 1.17), (60, 0.20)],
-)
+@pytest.mark.parametrize(("ping_s", "mb_a_day"), [(10, 1.17), (60, 0.20)])
 def test_keep_alives_as_they_were_counted_for_twenty_minutes(ping_s: float, mb_a_day: float) -> None:
     """facts/vpn.md, section 9: 1200 s at IP level, without a renegotiation."""
     assert keep_alive(ping_s, 1e12, None, None).both / 1e6 == pytest.approx(mb_a_day, rel=0.03)

@@ -159,10 +159,7 @@ NOBODY: Mapping[str, tuple[str, str]] = {
         "echo 'root@10.64.1.10: Permission denied (publickey,password).' >&2; exit 255",
         f"{AWAY}root@10.64.1.10: Permission denied (publickey,password).; {BRING}",
     ),
-    "not a word": (
-        "exit 255",
-        f"{AWAY}ssh said nothing; {LOOK}",
-    ),
+    "not a word": ("exit 255", f"{AWAY}ssh said nothing; {LOOK}"),
     "no Python": ("exit 127", "coastal-gateway has no python3; on it: `apt-get install python3`"),
     "a Python of long ago": (
         "cat >/dev/null; echo 'SyntaxError: future feature annotations is not defined' >&2; exit 1",

@@ -12,21 +12,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 import pytest
-from checklist_bench import (
-    DHCP,
-    EVERY,
-    FAILSAFE,
-    HEAD,
-    NAME,
-    PING,
-    SKIPPED,
-    USBL,
-    WIFI,
-    Desk,
-    answer,
-    found,
-    pages,
-)
+from checklist_bench import DHCP, EVERY, FAILSAFE, HEAD, NAME, PING, SKIPPED, USBL, WIFI, Desk, answer, found, pages
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
@@ -298,10 +284,7 @@ def test_of_a_photo_the_picture_alone_is_kept(desk: Desk, tmp_path: Path, kind: 
         (os.mkfifo, "is no file"),
         (lambda path: path.symlink_to("good.jpg"), "is a symbolic link, and links are not followed"),
         (lambda path: path.write_bytes(b"\xff\xd8\xff\xe1 half"), "is a damaged picture of kind JPEG"),
-        (
-            lambda path: path.write_bytes(b"\0\0\0\x18ftypheic\0\0"),
-            "is a picture of kind HEIC, whose position",
-        ),
+        (lambda path: path.write_bytes(b"\0\0\0\x18ftypheic\0\0"), "is a picture of kind HEIC, whose position"),
         (lambda path: path.write_bytes(b"II*\0 tiff"), "is a picture of kind TIFF"),
         (lambda path: path.touch(), "is empty"),
         (lambda path: path.write_bytes(bytes(25_000_001)), "has 25 MB; 25 MB are the most"),

@@ -141,9 +141,7 @@ def test_a_console_without_the_character_gets_another_one() -> None:
     assert subprocess.run([sys.executable, "-c", source], capture_output=True, env=environment, check=True).stdout
 
 
-def test_progress_goes_to_stderr_as_it_is_at_that_moment(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_progress_goes_to_stderr_as_it_is_at_that_moment(monkeypatch: pytest.MonkeyPatch) -> None:
     instead = io.StringIO()
     monkeypatch.setattr("sys.stderr", instead)
     with progress(quiet=False) as notify:

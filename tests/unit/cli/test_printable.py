@@ -129,10 +129,7 @@ def test_a_line_is_broken_between_words_and_loses_none() -> None:
 
 def test_a_word_that_is_longer_than_the_line_stays_whole() -> None:
     (first, second) = printable.wrapped("see ~/.local/state/atlantis/real/coastal/runs", 20, 2)
-    assert [printable.plain(line) for line in (first, second)] == [
-        "see",
-        "  ~/.local/state/atlantis/real/coastal/runs",
-    ]
+    assert [printable.plain(line) for line in (first, second)] == ["see", "  ~/.local/state/atlantis/real/coastal/runs"]
 
 
 class ColourScreen(io.StringIO):

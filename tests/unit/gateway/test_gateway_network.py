@@ -21,11 +21,7 @@ PLACES = {
     "ifupdown": ("/etc/network/interfaces", "0644", "txt"),
     "networkd": ("/etc/systemd/network/05-atlantis.network", "0644", "txt"),
 }
-PROGRAMS = {
-    "netplan": "/usr/sbin/netplan",
-    "ifupdown": "/usr/sbin/ifup",
-    "networkd": "/lib/systemd/systemd-networkd",
-}
+PROGRAMS = {"netplan": "/usr/sbin/netplan", "ifupdown": "/usr/sbin/ifup", "networkd": "/lib/systemd/systemd-networkd"}
 FILES = {
     "/etc/passwd": "root:x:0:0:root:/root:/bin/bash\n",
     "/etc/shadow": "root:*:1::::::\n",

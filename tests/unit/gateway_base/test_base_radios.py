@@ -18,11 +18,7 @@ from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
 
 ROOT = Path(__file__).parents[3]
 GATEWAY = "coastal-gateway"
-KEYS = {
-    "@wifi-key-of-girona500@": "girona500",
-    "@wifi-key-of-sparus@": "sparus",
-    "@wifi-key-of-mares@": "mares",
-}
+KEYS = {"@wifi-key-of-girona500@": "girona500", "@wifi-key-of-sparus@": "sparus", "@wifi-key-of-mares@": "mares"}
 BULLSEYE = ROOT / ".venv-setup" / "debian" / "bullseye"
 
 

@@ -46,9 +46,7 @@ def test_it_is_bound_to_the_address_in_the_vpn_and_open_to_our_own_computers(nam
     assert f"ExecStart=/usr/bin/python3 -I {PROGRAM} {name} {COMPUTERS[name]} {REFLECTOR_PORT}\n" in files[UNIT]
     rules = [line.strip() for line in files["/etc/nftables.conf"].splitlines() if str(REFLECTOR_PORT) in line]
     pool = SHIPPED.pilot.vpn.infrastructure
-    assert rules == [
-        f'ip saddr {{ {pool} }} udp dport {REFLECTOR_PORT} accept comment "checklists of other sites"',
-    ]
+    assert rules == [f'ip saddr {{ {pool} }} udp dport {REFLECTOR_PORT} accept comment "checklists of other sites"']
     assert [(unit.enabled, unit.active) for unit in configuration.units if unit.name == SERVICE] == [(True, True)]
     assert [check.finding for check in configuration.checks if SERVICE in check.run] == [
         f"nothing answers the checklists of other sites at UDP port {REFLECTOR_PORT}"

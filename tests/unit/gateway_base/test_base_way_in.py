@@ -52,10 +52,7 @@ def test_the_port_of_the_session_stays_open(computer: Computer) -> None:
         computer.converge(files=FILES, way_in={"port": 22}, environment=session("192.0.2.7", 2222))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [None, "", "# ssh-ed25519 AAAA…\n", "ssh-ed25519\n", "no key at all\n"],
-)
+@pytest.mark.parametrize("text", [None, "", "# ssh-ed25519 AAAA…\n", "ssh-ed25519\n", "no key at all\n"])
 def test_passwords_go_only_where_a_key_is(computer: Computer, text: str | None) -> None:
     if text is not None:
         computer.put(KEYS, text)

@@ -191,7 +191,7 @@ def test_a_plan_locks_and_journals_nothing(tmp_path: Path, listener: Listener) -
     assert (result["status"], result["exit"]) == ("planned", int(ExitCode.CHANGES))
     assert result["message"] == "2 changes to make"
     assert result["diff"].splitlines() == [
-        *("  file /etc/a", "  unit a restarted", "--- /etc/a", "+++ /etc/a", "@@ -1 +1 @@", "-a", "+b"),
+        *("  file /etc/a", "  unit a restarted", "--- /etc/a", "+++ /etc/a", "@@ -1 +1 @@", "-a", "+b")
     ]
     assert store.runs("coastal") == ()
 
@@ -235,7 +235,7 @@ def test_drift_is_what_a_run_would_change(tmp_path: Path, listener: Listener) ->
     assert (result["status"], result["exit"]) == ("drifted", int(ExitCode.CHECKS_FAILED))
     assert result["message"] == "2 things differ"
     assert drift_lines(result["comparison"]).splitlines()[:3] == [
-        *("  roles", "    changed  file /etc/a", "             declared"),
+        *("  roles", "    changed  file /etc/a", "             declared")
     ]
 
 

@@ -130,7 +130,7 @@ def test_the_journal_tells_what_was_about_to_be_set(deck: Deck) -> None:
     (run,) = deck.store.runs("te4sea")
     kinds = [str(record.kind) for record in run.log.records]
     assert kinds == [
-        *("run-started", "state-saved", "planned", "layer-sent", "actions-confirmed", "outcome", "run-ended"),
+        *("run-started", "state-saved", "planned", "layer-sent", "actions-confirmed", "outcome", "run-ended")
     ]
     assert (run.exit, run.confirmed(NAME), run.settled) == (0, (1, 2, 3), frozenset({NAME}))
     before = run.before(NAME)

@@ -41,10 +41,7 @@ def named(declaration: Declaration, *names: str, **said: object) -> dict[tuple[s
 
 
 def test_the_other_end_comes_along_and_both_wait_for_the_routers_of_the_run(declaration: Declaration) -> None:
-    assert named(declaration, "coastal-cpe", "coastal-router") == {
-        BOTH: ("coastal-router",),
-        ("coastal-router",): (),
-    }
+    assert named(declaration, "coastal-cpe", "coastal-router") == {BOTH: ("coastal-router",), ("coastal-router",): ()}
     assert named(declaration, "scc-cpe") == {BOTH[::-1]: ()}
     every = named(declaration, *declaration.hosts)
     assert every[BOTH[::-1]] == ("scc-router", "coastal-router"), "who asks for all stands at the control centre"

@@ -9,15 +9,7 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.journal import (
-    ActionsConfirmed,
-    DeviceObserved,
-    LayerSent,
-    Outcome,
-    RunResumed,
-    RunStarted,
-    Store,
-)
+from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, LayerSent, Outcome, RunResumed, RunStarted, Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.play_control import other_ends, without_result
 

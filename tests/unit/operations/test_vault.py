@@ -113,12 +113,7 @@ def arguments(*flags: str) -> Arguments:
 
 @pytest.mark.parametrize(
     ("flags", "terminal", "asks"),
-    [
-        ((), True, True),
-        ((), False, False),
-        (("json",), True, False),
-        (("json", "ask-vault-pass"), True, True),
-    ],
+    [((), True, True), ((), False, False), (("json",), True, False), (("json", "ask-vault-pass"), True, True)],
 )
 def test_a_person_is_asked_on_a_terminal(
     named: pytest.MonkeyPatch, *, flags: tuple[str, ...], terminal: bool, asks: bool

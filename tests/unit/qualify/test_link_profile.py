@@ -16,14 +16,7 @@ from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.operations.link_shapes import replayed
 from atlantis_netcfg.qualify.figures import train_figures
 from atlantis_netcfg.qualify.judgement import profile as thresholds
-from atlantis_netcfg.qualify.measured_run import (
-    SAMPLES_FILE,
-    BudgetLimits,
-    FarEnd,
-    MeasuredRun,
-    Selection,
-    write_run,
-)
+from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, BudgetLimits, FarEnd, MeasuredRun, Selection, write_run
 from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.qualify.profile import NoProfile, ProfileGap, profile_of, read_profile
 from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run

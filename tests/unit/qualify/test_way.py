@@ -152,12 +152,7 @@ def judged(
     ],
 )
 def test_the_way_is_proved_by_the_routers_counts_alone(  # noqa: PLR0913, PLR0917 - a case
-    wifi: tuple[int | None, int | None],
-    mobile: tuple[int, int],
-    sent: int,
-    received: int,
-    lost: int,
-    verdict: Verdict,
+    wifi: tuple[int | None, int | None], mobile: tuple[int, int], sent: int, received: int, lost: int, verdict: Verdict
 ) -> None:
     assert judged(wifi, mobile, sent, received, lost)[0] is verdict
 

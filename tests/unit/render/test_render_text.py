@@ -124,9 +124,7 @@ def test_management_address_stands_as_adoption_left_it() -> None:
 def test_text_does_not_depend_on_the_order_of_files() -> None:
     given = declaration()
     shuffled = replace(
-        given,
-        hosts=dict(reversed(list(given.hosts.items()))),
-        sites=dict(reversed(list(given.sites.items()))),
+        given, hosts=dict(reversed(list(given.hosts.items()))), sites=dict(reversed(list(given.sites.items())))
     )
     for site in SITES:
         assert router(shuffled, shuffled.router(site)) == router(given, given.router(site))
@@ -253,8 +251,7 @@ def test_what_the_declaration_lacks_is_said() -> None:
             given, "coastal", forwards=(forward,)
         ),
         "no host is called nobody, which pilot.vpn.server names": replace(
-            given,
-            pilot=given.pilot.model_copy(update={"vpn": given.pilot.vpn.model_copy(update={"server": "nobody"})}),
+            given, pilot=given.pilot.model_copy(update={"vpn": given.pilot.vpn.model_copy(update={"server": "nobody"})})
         ),
     }
     for message, wrong in cases.items():

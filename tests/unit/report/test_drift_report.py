@@ -114,9 +114,7 @@ def test_a_person_reads_what_whose_and_since_when() -> None:
 def test_json_tells_drift_from_not_knowing() -> None:
     told = report(result(ExitCode.CHECKS_FAILED, difference("changed")), result(ExitCode.DONE), LOST).as_json()
     assert [one["verdict"] for one in told["devices"].values()] == ["FAIL", "PASS", "ERROR", "SKIP"]
-    assert told["errors"] == [
-        {"device": "d2", "message": "could not be read: no answer", "hint": "look at the cable"},
-    ]
+    assert told["errors"] == [{"device": "d2", "message": "could not be read: no answer", "hint": "look at the cable"}]
     assert told["devices"]["d2"]["differences"] == []
 
 

@@ -94,11 +94,7 @@ def test_a_person_reads_cost_passes_and_what_is_left_out() -> None:
     assert whole.as_text().splitlines() == lines
     assert [plain(row) for row in whole.rows(40)][:2] == ["  r 9 actions kept (3 round trips, 3.0", "    kB, 1.2 s)"]
     brief = replace(whole, verbose=False).as_text().splitlines()
-    assert brief == [
-        *lines[:3],
-        *lines[4:],
-        "limits    1 thing is not rehearsed: `--verbose` and the record list it",
-    ]
+    assert brief == [*lines[:3], *lines[4:], "limits    1 thing is not rehearsed: `--verbose` and the record list it"]
 
 
 def test_a_person_reads_why_a_device_was_not_rehearsed() -> None:

@@ -16,13 +16,7 @@ from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.survey.exports import COLUMNS, csv_table, geojson, named_coast, read_coast
 from atlantis_netcfg.survey.kept import export, kept_survey, outcome
 from atlantis_netcfg.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, html, layers
-from atlantis_netcfg.survey.points import (
-    SURVEY_FILE,
-    SurveyEnd,
-    SurveyUnreadable,
-    SurveyWriter,
-    read_survey,
-)
+from atlantis_netcfg.survey.points import SURVEY_FILE, SurveyEnd, SurveyUnreadable, SurveyWriter, read_survey
 
 if TYPE_CHECKING:
     from pathlib import Path

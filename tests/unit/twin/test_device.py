@@ -187,11 +187,7 @@ def test_facts_for_a_preflight() -> None:
     assert router.value("/system/package", "name") == "routeros"
     assert router.value("/system/routerboard", "model") == "RB5009UPr+S+"
     assert router.value("/certificate", "name") == "atlantis-api"
-    assert router.value(
-        "/user/group",
-        "policy",
-        "?name=read",
-    ) == (
+    assert router.value("/user/group", "policy", "?name=read") == (
         "local,telnet,ssh,reboot,read,test,winbox,password,web,sniff,sensitive,api,romon,rest-api,!ftp,!write,!policy"
     )
 

@@ -48,10 +48,7 @@ HOLES = (
     Hole("/", _API, "cancel"),
 )
 
-SINCE_ABSENT = {
-    ("/ip/firewall/filter", "hw-offload"): "7.21",
-    ("/ip/route", "suppress-hw-offload"): "7.21",
-}
+SINCE_ABSENT = {("/ip/firewall/filter", "hw-offload"): "7.21", ("/ip/route", "suppress-hw-offload"): "7.21"}
 """Arguments that left the tree of the Cloud Hosted Router at a version, while boards with a switch chip kept them
 (inferred: the manual, L3 Hardware Offloading, still describes them)."""
 

@@ -25,15 +25,7 @@ if TYPE_CHECKING:
     from tree_sitter import Node
 
 FILES = ("self-test.ps1", "setup.ps1")
-COMMANDS = {
-    "ConvertFrom-Json",
-    "ForEach-Object",
-    "Get-Content",
-    "Join-Path",
-    "New-Object",
-    "Test-Path",
-    "Write-Host",
-}
+COMMANDS = {"ConvertFrom-Json", "ForEach-Object", "Get-Content", "Join-Path", "New-Object", "Test-Path", "Write-Host"}
 TYPES = {
     "BitConverter",
     "DateTimeOffset",

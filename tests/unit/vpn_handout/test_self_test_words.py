@@ -100,11 +100,7 @@ def same(capsys: pytest.CaptureFixture[str], case: str) -> bool:
 
 @pytest.mark.parametrize("case", WORDS)
 def test_of_openvpns_words(
-    case: str,
-    program: ModuleType,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    case: str, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     facts = unpacked(tmp_path)
     in_openvpns_place(tmp_path, monkeypatch, WORDS[case])
@@ -114,11 +110,7 @@ def test_of_openvpns_words(
 
 @pytest.mark.parametrize("case", [case for case, words in WORDS.items() if "TLS: Initial packet" not in words])
 def test_nothing_is_said_of_a_server_that_was_not_heard(
-    case: str,
-    program: ModuleType,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    case: str, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without a first packet of the server, of what is at the other end nothing is known: not even that it is there."""
     facts = unpacked(tmp_path)
@@ -154,11 +146,7 @@ def cut(profile: Path) -> None:
 
 @pytest.mark.parametrize("case", BEFORE_THE_TUNNEL)
 def test_before_the_tunnel(
-    case: str,
-    program: ModuleType,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    case: str, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     unpacked(tmp_path)
@@ -194,11 +182,7 @@ def test_versions(  # noqa: PLR0913, PLR0917 - fixtures
 
 class TestWithoutOpenvpn:
     def test_nothing_is_known(
-        self,
-        program: ModuleType,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str],
+        self, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
         monkeypatch.setenv("PATH", str(tmp_path))
         monkeypatch.setattr(program, "refused", lambda _facts: False)
@@ -206,11 +190,7 @@ class TestWithoutOpenvpn:
         assert same(capsys, "no-openvpn")
 
     def test_a_closed_port_is_told(
-        self,
-        program: ModuleType,
-        tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str],
+        self, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
         """A real socket, to a port of this computer at which nobody listens."""
         monkeypatch.setenv("PATH", str(tmp_path))
@@ -236,11 +216,7 @@ THROUGH: dict[str, tuple[set[tuple[str, int]], bool]] = {
 
 @pytest.mark.parametrize("case", THROUGH)
 def test_through_a_tunnel_that_is_up(
-    case: str,
-    program: ModuleType,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    case: str, program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     answered, closed = THROUGH[case]
     monkeypatch.setattr(program, "is_local", lambda address: address == "10.80.16.1")

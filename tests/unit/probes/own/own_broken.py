@@ -337,12 +337,10 @@ BROKEN: dict[str, Callable[[], World]] = {
     "a better link is up and not used": lambda: World(script=LEAVE),
     "a link is in use for a time": lambda: World(looks={**LOOKS, "4g": IN_USE}, script=LEAVE),
     "the better link is down": lambda: World(
-        looks={**LOOKS, "wifi-ptp": {"state": "down", "active": False}},
-        script=LEAVE,
+        looks={**LOOKS, "wifi-ptp": {"state": "down", "active": False}}, script=LEAVE
     ),
     "whether the better link works is not known": lambda: World(
-        looks={**LOOKS, "wifi-ptp": {"state": "unknown", "active": False}},
-        script=LEAVE,
+        looks={**LOOKS, "wifi-ptp": {"state": "unknown", "active": False}}, script=LEAVE
     ),
     "no default route": lambda: typed('/ip route disable [find dst-address="0.0.0.0/0"]'),
     "a default route to a stranger": lambda: typed("/ip route add dst-address=0.0.0.0/0 gateway=10.64.1.77 distance=1"),

@@ -43,15 +43,7 @@ from atlantis_netcfg.emulator.linux import (
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
-from atlantis_netcfg.emulator.routeros.spec import (
-    Environment,
-    Load,
-    ManagementSpec,
-    Radio,
-    RouterSpec,
-    User,
-    Validity,
-)
+from atlantis_netcfg.emulator.routeros.spec import Environment, Load, ManagementSpec, Radio, RouterSpec, User, Validity
 from atlantis_netcfg.render import router
 
 if TYPE_CHECKING:
@@ -66,11 +58,7 @@ ROUTER_MAC = "02:00:5E:10:01:01"
 IDENTITY = "/etc/openvpn/client/atlantis.identity"
 NETPLAN = "/etc/netplan/10-atlantis.yaml"
 YEARS = Validity(since=NOW - timedelta(days=100), until=NOW + timedelta(days=900))
-CARDS = {
-    "10.64.1.10": "02:00:5E:00:01:10",
-    "10.64.1.23": "02:00:5E:00:01:23",
-    "10.64.1.24": "02:00:5E:00:01:24",
-}
+CARDS = {"10.64.1.10": "02:00:5E:00:01:10", "10.64.1.23": "02:00:5E:00:01:23", "10.64.1.24": "02:00:5E:00:01:24"}
 AROUND: dict[str, Any] = {
     "cards": CARDS,
     "loads": {f"ether{number}": Load(milliamps=100 + 10 * number) for number in (1, 2, 3)},

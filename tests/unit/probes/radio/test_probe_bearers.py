@@ -43,12 +43,7 @@ def looked(
     """One bearer of `provision links --json`."""
     answered: dict[str, str | float | None] = {"loss_percent": 0} if state == "up" else {}
     quality |= {name: value for name, value in answered.items() if name not in quality}
-    told = {
-        "kind": kind,
-        "state": state,
-        "quality": quality,
-        "findings": [one.as_dict() for one in findings],
-    }
+    told = {"kind": kind, "state": state, "quality": quality, "findings": [one.as_dict() for one in findings]}
     return LinkStatusResult(None, bearer={**told, "box": "coastal-box"})
 
 

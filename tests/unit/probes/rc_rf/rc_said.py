@@ -112,9 +112,7 @@ def bytewise(transcript: Transcript) -> Transcript:
     told = zip(transcript.chunks, transcript.senders, strict=True)
     pieces = [(at, data[place : place + 1], who) for (at, data), who in told for place in range(len(data))]
     return replace(
-        transcript,
-        chunks=tuple((at, piece) for at, piece, _ in pieces),
-        senders=tuple(who for *_, who in pieces),
+        transcript, chunks=tuple((at, piece) for at, piece, _ in pieces), senders=tuple(who for *_, who in pieces)
     )
 
 
