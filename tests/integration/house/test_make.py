@@ -26,16 +26,26 @@ def test_make_alone_lists_every_target() -> None:
 
 
 @pytest.mark.parametrize(
-    ("lint", "tests", "closing", "code"),
-    [(0, 0, CLOSING, 0), (2, 0, CLOSING, 1), (0, 2, FAILING, 1), (2, 2, FAILING, 1), (0, 2, NOTHING, 1)],
+    ("ends", "closing", "code"),
+    [
+        ((0, 0, 0), CLOSING, 0),
+        ((2, 0, 0), CLOSING, 1),
+        ((0, 2, 0), CLOSING, 1),
+        ((0, 0, 2), FAILING, 1),
+        ((2, 2, 2), FAILING, 1),
+        ((0, 0, 2), NOTHING, 1),
+    ],
 )
 def test_the_last_line_of_ci_is_the_closing_line(
-    lint: int, tests: int, closing: str, code: int, tmp_path: Path
+    ends: tuple[int, int, int], closing: str, code: int, tmp_path: Path
 ) -> None:
+    lint, tests, rest = ends
     make = tmp_path / "make"
     make.write_text(
         f'#!/bin/sh\nread -r line && exit 9\n[ "$CI" = true ] || exit 9\n[ "$1" = lint ] && exit {lint}\n'
-        f'[ "$1" = test ] || exit 9\necho ".. [100%]"\necho "{closing}"\necho "make: done" >&2\nexit {tests}\n'
+        f'[ "$1" = test ] && code={tests} line="{CLOSING}"\n'
+        f'[ "$1" = test-full ] && case $2 in SHARD=[1-4]/4) code={rest} line="{closing}" ;; esac\n'
+        '[ -n "$code" ] || exit 9\necho ".. [100%]"\necho "$line"\necho "make: done" >&2\nexit "$code"\n'
     )
     make.chmod(0o755)
     environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "CI": ""}

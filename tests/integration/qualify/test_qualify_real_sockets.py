@@ -6,10 +6,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
 import pytest
-from waiting import HANG_S
+from waiting import HANG_S, measure
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape, UdpRelay
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
@@ -72,23 +73,27 @@ def port(tmp_path: Path) -> Iterator[int]:
 def test_a_train_over_the_emulated_link(port: int, tmp_path: Path) -> None:
     up = LinkShape(rate_bps=352_000, delay_s=0.15, loss=0.05)
     down = LinkShape(rate_bps=704_000, delay_s=0.15, loss=0.05)
-    path = tmp_path / "samples.jsonl"
-    with UdpRelay(("127.0.0.1", port), up, down, seed=4) as relay, UdpTransport(relay.address) as transport:
-        peer = ReflectorPeer(KEY)
-        guard = BudgetGuard(Budget(), _now)
-        with path.open("a", encoding="utf-8") as file:
-            train = Train("train", TrainPlan(172, 0.03, 1.8, timeout_s=1), peer, transport, SampleWriter(file))
-            assert run(transport, peer, [train], guard) == "done"
-        lost = relay.up.lost + relay.down.lost
-    with path.open(encoding="utf-8") as file:
-        figures = train_figures(read(file), "train")
-    assert figures.rtt is not None
-    serialised = 200 * 8 / 352_000 + 200 * 8 / 704_000
-    assert figures.rtt.min >= 0.3 + serialised
-    assert figures.rtt.p50 == pytest.approx(0.3 + serialised, rel=tolerances()["rtt_real_share"])
-    assert figures.loss.why == "by the reflector's count"
-    assert lost - 3 <= figures.loss.lost <= lost, "up to three of those lost may be questions for the counters"
-    assert guard.sent_bytes >= 60 * 200
+
+    def judge() -> None:
+        path = Path(mkdtemp(dir=tmp_path)) / "samples.jsonl"
+        with UdpRelay(("127.0.0.1", port), up, down, seed=4) as relay, UdpTransport(relay.address) as transport:
+            peer = ReflectorPeer(KEY)
+            guard = BudgetGuard(Budget(), _now)
+            with path.open("a", encoding="utf-8") as file:
+                train = Train("train", TrainPlan(172, 0.03, 1.8, timeout_s=1), peer, transport, SampleWriter(file))
+                assert run(transport, peer, [train], guard) == "done"
+            lost = relay.up.lost + relay.down.lost
+        with path.open(encoding="utf-8") as file:
+            figures = train_figures(read(file), "train")
+        assert figures.rtt is not None
+        serialised = 200 * 8 / 352_000 + 200 * 8 / 704_000
+        assert figures.rtt.min >= 0.3 + serialised
+        assert figures.rtt.p50 == pytest.approx(0.3 + serialised, rel=tolerances()["rtt_real_share"])
+        assert figures.loss.why == "by the reflector's count"
+        assert lost - 3 <= figures.loss.lost <= lost, "up to three of those lost may be questions for the counters"
+        assert guard.sent_bytes >= 60 * 200
+
+    measure(judge)
 
 
 def test_messages_over_the_emulated_link(port: int) -> None:
@@ -107,17 +112,21 @@ def test_messages_over_the_emulated_link(port: int) -> None:
 @pytest.mark.parametrize("kind", [MessageStream, DownMessageStream])
 def test_a_fast_pace_is_kept(port: int, kind: type[MessageStream | DownMessageStream]) -> None:
     """A sender that falls behind its pace would show a slower link than there is."""
-    samples: list[Sample] = []
-    with UdpTransport(("127.0.0.1", port)) as transport:
-        peer = ReflectorPeer(KEY)
-        stream = kind("m", MessagePlan(200_000, 4, 1, pace_bps=10_000_000), peer, transport, samples.append)
-        assert run(transport, peer, [stream], BudgetGuard(Budget(), _now)) == "done"
-    figures = message_figures(samples, "m")
-    assert figures is not None
-    room = chunk_room(DEFAULT_PACKET, authenticated=True)
-    offered = 10_000_000 * room / (DEFAULT_PACKET + HEADERS)
-    assert figures.busy_bps == pytest.approx(offered, rel=tolerances()["goodput_share"])
-    assert (figures.received, figures.lost) == (4, 0)
+
+    def judge() -> None:
+        samples: list[Sample] = []
+        with UdpTransport(("127.0.0.1", port)) as transport:
+            peer = ReflectorPeer(KEY)
+            stream = kind("m", MessagePlan(200_000, 4, 1, pace_bps=10_000_000), peer, transport, samples.append)
+            assert run(transport, peer, [stream], BudgetGuard(Budget(), _now)) == "done"
+        figures = message_figures(samples, "m")
+        assert figures is not None
+        room = chunk_room(DEFAULT_PACKET, authenticated=True)
+        offered = 10_000_000 * room / (DEFAULT_PACKET + HEADERS)
+        assert figures.busy_bps == pytest.approx(offered, rel=tolerances()["goodput_share"])
+        assert (figures.received, figures.lost) == (4, 0)
+
+    measure(judge)
 
 
 def test_nobody_there_is_silence_and_not_an_error() -> None:
