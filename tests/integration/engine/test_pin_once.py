@@ -29,7 +29,7 @@ set [ find default-name=lte1 ] apn-profiles=atlantis comment="atlantis: 4G" disa
 """
 
 
-def bench(tmp_path: Path, pin: str, *, asks: str = "1234", version: str = "7.18.2") -> Bench:
+def bench(tmp_path: Path, pin: str, *, asks: str = "73951846", version: str = "7.18.2") -> Bench:
     modem = ModemSpec(sim=SimSpec(pin=asks), cell=CellSpec(apns=("umts",)))
     return Bench(tmp_path, TEXT.format(pin=pin), spec={"modem": modem, "version": version})
 
@@ -56,11 +56,11 @@ def test_a_right_pin_is_sent_once_and_the_second_run_changes_nothing(tmp_path: P
     async def act(bench: Bench) -> None:
         first = await once(bench, unprotected=True)
         assert (first.status, card(bench), tried(bench)) == ("changed", (3, 1), False)
-        assert "1234" not in first.diff + first.message
+        assert "73951846" not in first.diff + first.message
         second = await once(bench)
         assert (second.status, second.planned, card(bench)) == ("unchanged", 0, (3, 1))
 
-    on(bench(tmp_path, "1234", version=version), act)
+    on(bench(tmp_path, "73951846", version=version), act)
 
 
 @pytest.mark.parametrize("version", ["7.17.1", "7.18.2", "7.21.5"])
@@ -78,16 +78,18 @@ def test_a_wrong_pin_reaches_the_sim_once_over_many_runs(tmp_path: Path, version
             assert "and it was not seen that the SIM took it; it is not tried again" in again.message
             assert str(TriedPin(bench.store.root, "coastal", "router").path) in again.message
         assert card(bench) == (2, 1)
-        assert "9999" not in first.message + again.message + first.diff
+        assert "99887766" not in first.message + again.message + first.diff
         bench.router.device.reboot()
         assert (await once(bench)).status == "refused"
         assert card(bench) == (2, 1)
 
-    on(bench(tmp_path, "9999", version=version), act)
+    on(bench(tmp_path, "99887766", version=version), act)
 
 
 @pytest.mark.parametrize("name", ["starlink", "ether9"])
-@pytest.mark.parametrize(("pin", "status", "entered"), [("1234", "changed", (3, 1)), ("9999", "rolled-back", (2, 1))])
+@pytest.mark.parametrize(
+    ("pin", "status", "entered"), [("73951846", "changed", (3, 1)), ("99887766", "rolled-back", (2, 1))]
+)
 def test_a_renamed_modem_is_asked_under_its_name(
     tmp_path: Path, name: str, pin: str, status: str, entered: tuple[int, int]
 ) -> None:
@@ -106,13 +108,13 @@ def test_a_renamed_modem_is_asked_under_its_name(
 def test_after_a_person_has_corrected_it_the_right_one_is_sent(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await once(bench)
-        bench.text = TEXT.format(pin="1234")
+        bench.text = TEXT.format(pin="73951846")
         assert (await once(bench)).status == "refused"
         TriedPin(bench.store.root, "coastal", "router").path.unlink()
         assert (await once(bench)).status == "changed"
         assert (card(bench), tried(bench)) == ((3, 2), False)
 
-    on(bench(tmp_path, "9999"), act)
+    on(bench(tmp_path, "99887766"), act)
 
 
 def test_no_file_holds_the_pin(tmp_path: Path) -> None:
@@ -129,10 +131,10 @@ def test_a_sim_that_asks_for_none_gets_none(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         assert (await once(bench)).status == "changed"
         assert (card(bench), tried(bench)) == ((3, 0), False)
-        assert "9999" not in bench.export()
+        assert "99887766" not in bench.export()
         assert (await once(bench)).status == "unchanged"
 
-    on(bench(tmp_path, "9999", asks=""), act)
+    on(bench(tmp_path, "99887766", asks=""), act)
 
 
 def test_a_sim_that_waits_for_its_puk_gets_nothing(tmp_path: Path) -> None:
@@ -143,7 +145,7 @@ def test_a_sim_that_waits_for_its_puk_gets_nothing(tmp_path: Path) -> None:
         assert "asks for its PUK" in found.message
         assert card(bench) == (0, 0)
 
-    on(bench(tmp_path, "1234"), act)
+    on(bench(tmp_path, "73951846"), act)
 
 
 def test_a_plan_sends_nothing(tmp_path: Path) -> None:
@@ -153,7 +155,7 @@ def test_a_plan_sends_nothing(tmp_path: Path) -> None:
         assert "pin=********" in found.diff
         assert (card(bench), tried(bench)) == ((3, 0), False)
 
-    on(bench(tmp_path, "9999"), act)
+    on(bench(tmp_path, "99887766"), act)
 
 
 def test_nothing_is_sent_where_it_cannot_be_noted(tmp_path: Path) -> None:
@@ -165,7 +167,7 @@ def test_nothing_is_sent_where_it_cannot_be_noted(tmp_path: Path) -> None:
         assert "it cannot be noted that a PIN is tried" in found.message
         assert card(bench) == (3, 0)
 
-    on(bench(tmp_path, "1234"), act)
+    on(bench(tmp_path, "73951846"), act)
 
 
 def test_a_modem_that_stays_silent_keeps_no_pin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -182,7 +184,7 @@ def test_a_modem_that_stays_silent_keeps_no_pin(tmp_path: Path, monkeypatch: pyt
         found = await converge(bench.job(journal=NoJournal(), patience=Patience(modem_s=30)))
         assert found.status == "rolled-back"
         assert "the modem has not taken the PIN within 30 s" in found.message
-        assert heard == ["1234"]
-        assert "pin=1234" not in bench.export()
+        assert heard == ["73951846"]
+        assert "pin=73951846" not in bench.export()
 
-    on(bench(tmp_path, "1234"), act)
+    on(bench(tmp_path, "73951846"), act)

@@ -6,7 +6,6 @@ chrony leads it, and values of the kernel are taken. Building and booting takes 
 
 from __future__ import annotations
 
-import socket
 import subprocess
 import time
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ import pytest
 from debian_trees import CLOCK
 from gateway_role import NAME, Stand
 from gateway_stand import technician  # noqa: F401 - a fixture
+from ports import held_port
 
 from atlantis_netcfg.emulator.lab import Machine, TreeSpec, build_rootfs, why_not
 
@@ -75,11 +75,9 @@ def card(folder: Path, key: Key, spec: TreeSpec = CLOCK) -> tuple[Path, str]:
 
 
 @contextmanager
-def booted(folder: Path, disk: Path, host_key: str, key: Key) -> Iterator[Guest]:
+def booted(folder: Path, disk: Path, host_key: str, key: Key, port: int) -> Iterator[Guest]:
     boot = folder / "root" / "boot"
     kernel, initrd = (next(boot.glob(name)) for name in ("vmlinuz-*", "initrd.img-*"))
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
     known = folder / "known_hosts"
     known.write_text(f"[127.0.0.1]:{port} {host_key}\n")
     lan = f"user,id=n0,restrict=on,net=10.64.1.0/24,host=10.64.1.1,hostfwd=tcp:127.0.0.1:{port}-10.64.1.10:22"
@@ -104,7 +102,7 @@ def test_a_clock_that_is_ten_years_off_is_set_and_kept(technician: Key, tmp_path
     if (reason := why_not()) is not None:
         pytest.skip(reason)
     disk, host_key = card(tmp_path, technician)
-    with booted(tmp_path, disk, host_key, technician) as guest:
+    with held_port() as port, booted(tmp_path, disk, host_key, technician, port) as guest:
         (tmp_path / "stand").mkdir()
         stand = Stand(cast("Machine", guest), technician, tmp_path / "stand", ["gateway_base"])
         guest.run("systemctl stop chrony; date -s '2016-11-22 10:00:00'")
@@ -122,7 +120,7 @@ def test_a_clock_that_is_ten_years_off_is_set_and_kept(technician: Key, tmp_path
         stand.declare({"watchdog_s": 30}, f"host_vars/{NAME}.yml", "device")
         assert "this board shows no watchdog" in stand.run()["message"]
         guest.run("sync")
-    with booted(tmp_path, disk, host_key, technician) as guest:
+    with held_port() as port, booted(tmp_path, disk, host_key, technician, port) as guest:
         assert "tcp dport 22 accept" in guest.run("nft list ruleset").stdout
         assert guest.run("cat /proc/sys/net/core/rmem_max").stdout == "8388608\n"
         assert guest.run("date +%Z").stdout in ("WET\n", "WEST\n")

@@ -15,6 +15,7 @@ import pytest
 from debian_trees import RADIOS
 from gateway_role import NAME
 from gateway_stand import technician  # noqa: F401 - a fixture
+from ports import held_port
 from test_gateway_clock import Guest, booted, card
 
 from atlantis_netcfg.declaration import load
@@ -64,7 +65,7 @@ def guest(technician: Key, tmp_path_factory: pytest.TempPathFactory) -> Iterator
         pytest.skip(reason)
     folder = tmp_path_factory.mktemp("guest")
     disk, host_key = card(folder, technician, RADIOS)
-    with booted(folder, disk, host_key, technician) as made:
+    with held_port() as port, booted(folder, disk, host_key, technician, port) as made:
         made.run("systemctl mask --now hostapd wpa_supplicant; modprobe mac80211_hwsim radios=3; udevadm settle")
         for number in range(3):
             made.run(

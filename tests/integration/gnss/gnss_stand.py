@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ports import held_port
+
 from atlantis_netcfg.checklist.probes import Listen, Place
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation, StreamGps
 from atlantis_netcfg.checklist.runner import ask_here
@@ -46,12 +48,6 @@ def environment() -> dict[str, str]:
     }
 
 
-def free_port() -> int:
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return int(found.getsockname()[1])
-
-
 def until_it_listens(port: int, running: subprocess.Popen[bytes]) -> None:
     """Wait for a server that was just started."""
     while running.poll() is None:
@@ -76,10 +72,9 @@ def started(*words: str) -> Iterator[subprocess.Popen[bytes]]:
 @contextmanager
 def gpsd(source: str, *, at_once: bool = True) -> Iterator[int]:
     """A gpsd that reads a source and writes nothing to it; gives its port. `at_once`: not only for a client."""
-    port = free_port()
     # -b: gpsd asks receivers what they are, and ours count whatever they are sent.
-    words = (program("gpsd"), "-N", "-b", *(("-n",) if at_once else ()), "-S", str(port), source)
-    with started(*words) as running:
+    words = (program("gpsd"), "-N", "-b", *(("-n",) if at_once else ()), source, "-S")
+    with held_port() as port, started(*words, str(port)) as running:
         until_it_listens(port, running)
         yield port
 

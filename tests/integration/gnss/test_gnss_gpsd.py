@@ -10,7 +10,8 @@ import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from gnss_stand import Asked, codes, environment, free_port, gpsd, judged, program, started, until_it_listens
+from gnss_stand import Asked, codes, environment, gpsd, judged, program, started, until_it_listens
+from ports import held_port
 
 from atlantis_netcfg.declaration.model import GpsDriver
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd, RunningNmea
@@ -52,19 +53,8 @@ def log(path: Path, seconds: int = 40) -> Path:
 
 def test_a_replayed_log_is_judged_through_gpsd(tmp_path: Path) -> None:
     """A log is of its own day: that is found, and nothing else."""
-    port = free_port()
-    words = (
-        "python3",
-        program("gpsfake"),
-        "-t",
-        "-q",
-        "-c",
-        "0.05",
-        "-P",
-        str(port),
-        str(log(tmp_path / "viana.nmea")),
-    )
-    with started(*words) as replaying:
+    words = ("python3", program("gpsfake"), "-t", "-q", "-c", "0.05", str(log(tmp_path / "viana.nmea")), "-P")
+    with held_port() as port, started(*words, str(port)) as replaying:
         until_it_listens(port, replaying)
         found = judged({"replayed": Asked(GpsDriver.GPSD, port)})["replayed"]
         assert replaying.poll() is None
@@ -116,7 +106,7 @@ def test_receivers_are_judged_alike_behind_gpsd_and_behind_its_twin() -> None:
 
 
 def test_a_gpsd_without_its_receiver_says_so() -> None:
-    gone = f"tcp://127.0.0.1:{free_port()}"
+    gone = "tcp://127.0.0.1:1"
     with gpsd(gone, at_once=False) as port, RunningGpsd(GnssSpec(device=False)) as twin:
         found = judged(
             {"real": Asked(GpsDriver.GPSD, port, listen_s=0.3), "twin": Asked(GpsDriver.GPSD, twin.port, listen_s=0.3)}

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import socket
 import subprocess
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ import paramiko
 import pytest
 from blocks_fake import Tree, loop
 from image_made import ROOT_AT, disk, run
+from ports import held_port
 from waiting import HANG_S
 
 from atlantis_netcfg.image.blocks import admit
@@ -127,11 +127,9 @@ class Guest:
 
 
 @contextmanager
-def booted(machine: Machine, device: Path, root: Path) -> Iterator[Guest]:
+def booted(machine: Machine, device: Path, root: Path, port: int) -> Iterator[Guest]:
     """Start qemu on a device, in the declared LAN, and wait until it says that SSH was started."""
     kernel, initrd = (next((root / "boot").glob(name)) for name in ("vmlinuz-*", "initrd.img-*"))
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
     lan = "user,id=n0,restrict=on,net=10.64.1.0/24,host=10.64.1.1,dhcpstart=10.64.1.50"
     lan += f",hostfwd=tcp:127.0.0.1:{port}-10.64.1.10:22"
     command = [*machine.qemu, "-accel", "tcg", "-m", "512", "-smp", "1", "-nographic", "-no-reboot"]
@@ -186,7 +184,7 @@ def test_the_card_boots_with_the_declared_name_and_keys_and_without_the_password
         card = Card(behind.device, admit(tree.blocks, behind.device), tree.blocks)
         written = write(expanded.path, segments(expanded.path, expanded.size), card, lambda _progress: None)
         assert written.compared == expanded.size
-        with booted(machine, behind.device, debian) as guest:
+        with held_port() as port, booted(machine, behind.device, debian, port) as guest:
             _look(guest, key)
 
 

@@ -11,7 +11,8 @@ from operator import xor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gnss_stand import environment, free_port, program
+from gnss_stand import environment, program
+from ports import held_port
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.coverage import out_and_back, two_masts
@@ -81,8 +82,9 @@ def _minutes(degrees: float, digits: int) -> str:
 
 def replayed(path: Path) -> dict[datetime, list[bytes]]:
     """What the real gpsd makes of it, by the second that it tells: gpsfake plays as quickly as gpsd takes it."""
-    words = ["python3", program("gpsfake"), "-1", "-p", "-q", "-c", "0.001", "-P", str(free_port()), str(path)]
-    ran = subprocess.run(words, env=environment(), capture_output=True, check=True)
+    words = ["python3", program("gpsfake"), "-1", "-p", "-q", "-c", "0.001", str(path), "-P"]
+    with held_port() as port:
+        ran = subprocess.run([*words, str(port)], env=environment(), capture_output=True, check=True)
     found: dict[datetime, list[bytes]] = {}
     waiting: list[bytes] = []
     for line in ran.stdout.splitlines(keepends=True):

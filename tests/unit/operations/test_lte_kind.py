@@ -71,13 +71,13 @@ def test_its_adoption_cannot_be_rehearsed_and_that_is_said() -> None:
 def test_a_pin_that_was_tried_stays_tried(tmp_path: Path) -> None:
     tried = TriedPin(Store(tmp_path).root, "coastal", "coastal-4g")
     request = Request(state=tmp_path)
-    host = box(sim=Sim(pin=Secret("1234")))
+    host = box(sim=Sim(pin=Secret("73951846")))
     job = device_job(DECLARATION, host, request, NoJournal(), ignore)
     assert job.desired.spent == ""
     assert isinstance(job.journal, PinRecorder)
     tried.remember()
     assert tried.path.stat().st_mode & 0o077 == 0
-    assert "1234" not in tried.path.read_text(encoding="ascii")
+    assert "73951846" not in tried.path.read_text(encoding="ascii")
     assert str(tried.path) in device_job(DECLARATION, host, request, NoJournal(), ignore).desired.spent
     tried.forget()
     assert device_job(DECLARATION, host, request, NoJournal(), ignore).desired.spent == ""

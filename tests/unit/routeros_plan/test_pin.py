@@ -19,7 +19,7 @@ CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "pin_cases
 UNITS: list[dict[str, Any]] = yaml.safe_load(
     (Path(__file__).parents[1] / "bearers" / "lte_routeros_cases.yml").read_text(encoding="utf-8")
 )
-TEXT = "/interface lte\nset [ find default-name=lte1 ] comment=x pin=1234\n"
+TEXT = "/interface lte\nset [ find default-name=lte1 ] comment=x pin=73951846\n"
 
 
 def ident(case: dict[str, Any]) -> str:
@@ -40,9 +40,9 @@ def test_sent_only_where_it_is_asked_for(case: dict[str, Any]) -> None:
         assert str(caught.value) == f"box: text, line 2: {case['refused']}"
         return
     found = plan("box", wanted, world(case))
-    assert [dict(action.values) for action in found.actions] == ([{"pin": "1234"}] if case["sent"] else [])
+    assert [dict(action.values) for action in found.actions] == ([{"pin": "73951846"}] if case["sent"] else [])
     assert list(found.notes) == ([case["note"]] if "note" in case else [])
-    assert "1234" not in found.diff + repr([action.shown() for action in found.actions])
+    assert "73951846" not in found.diff + repr([action.shown() for action in found.actions])
 
 
 @pytest.mark.parametrize("case", CASES, ids=ident)
@@ -54,10 +54,10 @@ def test_an_empty_pin_is_an_ordinary_value(case: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("monitor", "held", "waits"),
     [
-        ({"pin-status": "SIM PIN required"}, "1234", True),
-        ({}, "1234", True),
-        ({"pin-status": "wrong PIN"}, "1234", False),
-        ({"pin-status": "ok"}, "1234", False),
+        ({"pin-status": "SIM PIN required"}, "73951846", True),
+        ({}, "73951846", True),
+        ({"pin-status": "wrong PIN"}, "73951846", False),
+        ({"pin-status": "ok"}, "73951846", False),
         ({"pin-status": "SIM PIN required"}, "", False),
         ({"pin-status": "SIM PIN required"}, "4711", False),
     ],

@@ -23,7 +23,7 @@ def test_what_it_shows_has_names_of_the_device() -> None:
     known = set(trees.offered()["/interface/lte/monitor proplist"])
     shown = {
         name
-        for box in (Box(), Box(pin="1234"), Box(sim=False), Box(bands=(20,)), Box(denies=True))
+        for box in (Box(), Box(pin="73951846"), Box(sim=False), Box(bands=(20,)), Box(denies=True))
         for name in box.rows("/interface/lte/monitor", "numbers=lte1", "once=")[0]
     }
     assert shown <= known
@@ -101,9 +101,9 @@ def test_denied_and_disabled() -> None:
 
 
 def test_a_right_pin_is_entered_once_and_at_every_start() -> None:
-    box = Box(pin="1234")
+    box = Box(pin="73951846")
     assert (box.read().state, box.tries) == (Registration.SIM_PIN_REQUIRED, (3, 0))
-    box.set("pin=1234")
+    box.set("pin=73951846")
     box.read()
     assert (box.read().state, box.tries) == (Registration.REGISTERED_HOME, (3, 1))
     box.reboot()
@@ -111,8 +111,8 @@ def test_a_right_pin_is_entered_once_and_at_every_start() -> None:
 
 
 def test_a_wrong_pin_costs_a_try_each_time_it_is_entered() -> None:
-    box = Box(pin="1234")
-    box.set("pin=9999")
+    box = Box(pin="73951846")
+    box.set("pin=99887766")
     found = box.read()
     assert (found.state, found.pin_refused, box.tries) == (Registration.SIM_PIN_REQUIRED, True, (2, 1))
     box.set("comment=nothing")
@@ -122,28 +122,28 @@ def test_a_wrong_pin_costs_a_try_each_time_it_is_entered() -> None:
     assert box.tries == (1, 2)
     box.set("pin=")
     assert (box.read().pin_refused, box.tries) == (None, (1, 2))
-    box.set("pin=9999")
+    box.set("pin=99887766")
     assert (box.read().state, box.tries) == (Registration.SIM_PUK_REQUIRED, (0, 3))
-    box.set("pin=1234")
+    box.set("pin=73951846")
     assert (box.read().state, box.tries) == (Registration.SIM_PUK_REQUIRED, (0, 3))
 
 
 def test_the_card_remembers_over_a_new_start_of_the_twin() -> None:
-    box = Box(pin="1234")
-    box.set("pin=9999")
+    box = Box(pin="73951846")
+    box.set("pin=99887766")
     again = Device(box.device.spec, lambda: 0.0)
     again.restore({**box.device.snapshot(), "files": {}})
     assert again.core.sim.tries_left == 2
 
 
 def test_a_pin_is_a_secret() -> None:
-    box = Box(pin="1234")
-    box.set("pin=1234")
+    box = Box(pin="73951846")
+    box.set("pin=73951846")
     box.profile("password=hidden-word")
-    assert "1234" not in box.device.export()
+    assert "73951846" not in box.device.export()
     assert "hidden-word" not in box.device.export()
-    assert "1234" not in " ".join(one["message"] for one in box.rows("/log/print"))
-    assert "pin=1234" in box.device.export(show_sensitive=True)
+    assert "73951846" not in " ".join(one["message"] for one in box.rows("/log/print"))
+    assert "pin=73951846" in box.device.export(show_sensitive=True)
 
 
 @pytest.mark.parametrize(
@@ -179,10 +179,10 @@ def test_another_card_and_another_network_under_a_modem_at_work() -> None:
     assert box.read().state is Registration.REGISTERED_ROAMING
     assert refit(core, {"cell": {"plmn": "00101", "rsrp_dbm": -111}})["phase"] == "connected"
     assert box.read().rsrp_dbm == -111.0
-    assert refit(core, {"sim": {"pin": "1234"}})["phase"] == "pin"
-    box.set("pin=9999")
+    assert refit(core, {"sim": {"pin": "73951846"}})["phase"] == "pin"
+    box.set("pin=99887766")
     assert refit(core, {}) == {"phase": "pin", "tries_left": 2, "pins_entered": 1}
-    assert refit(core, {"sim": {"pin": "1234", "tries": 1}})["phase"] == "puk"
+    assert refit(core, {"sim": {"pin": "73951846", "tries": 1}})["phase"] == "puk"
     assert refit(core, {"sim": None})["phase"] == "no_sim"
     assert refit(core, {"cell": None, "sim": {}})["phase"] == "searching"
     with pytest.raises(ValueError, match="cell"):

@@ -1,0 +1,22 @@
+"""Ports for servers that tests start."""
+
+from __future__ import annotations
+
+import socket
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@contextmanager
+def held_port() -> Iterator[int]:
+    """A port that nobody else is given: it is bound, and a server that reuses addresses can listen there all the same.
+
+    gpsd and qemu reuse them.
+    """
+    with socket.socket() as held:
+        held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        held.bind(("127.0.0.1", 0))
+        yield held.getsockname()[1]
