@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[3]
 NAME = "coastal-gateway"
-PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))
 
 
 @dataclass
@@ -62,16 +60,9 @@ class Stand:
     def run(self, *words: str) -> dict[str, Any]:
         """Run the roles; `words` are for ansible-playbook."""
         read, write = os.pipe()
-        environment = {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(self.folder / "ansible")}
-        with os.fdopen(read) as lines, (self.folder / "said").open("w") as said:
+        with os.fdopen(read) as lines:
             with os.fdopen(write, "w"):
-                process = preforked.ansible(
-                    *(PLAYBOOK, self._command(write, words)),
-                    env=os.environ | environment,
-                    folder=self.folder,
-                    output=said.fileno(),
-                    pass_fds=[write],
-                )
+                process = preforked.play(self._command(write, words), self.folder, pass_fds=[write])
             told = [json.loads(line) for line in lines]
             process.wait()
         results = [line["devices"][self.name] for line in told if line.get("devices")]

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import os
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
+import preforked
 from gateway_role import NAME, ROOT
 
 if TYPE_CHECKING:
     from gateway_role import Stand
+
+
+_QUICKLY = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest", "-p", "no:xdist")
+"""Without what a suite of checks has no use for, and which the technician's pytest has not got."""
 
 
 def checked(stand: Stand, *words: str, user: str = "root") -> dict[str, str]:
@@ -20,9 +24,9 @@ def checked(stand: Stand, *words: str, user: str = "root") -> dict[str, str]:
         f"Host {NAME}\n HostName 127.0.0.1\n Port {stand.gateway.port}\n User {user}\n"
         f" IdentityFile {stand.key.file}\n IdentitiesOnly yes\n UserKnownHostsFile {stand.known}\n"
     )
-    command = [sys.executable, "-m", "pytest", "checks/test_gateways.py", "--site", "coastal", f"--ssh-config={config}"]
-    command += ["--inventory", str(stand.inventory), "-p", "no:cacheprovider", f"--junitxml={report}", *words]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    typed = ["checks/test_gateways.py", "--site", "coastal", f"--ssh-config={config}", f"--junitxml={report}"]
+    typed += ["--inventory", str(stand.inventory), *_QUICKLY, *words]
+    done = preforked.run(typed, env=os.environ, module="pytest", folder=ROOT)
     assert report.exists(), done.stdout + done.stderr
     cases = list(ET.parse(report).getroot().iter("testcase"))  # noqa: S314 - our own file
     assert cases, done.stdout

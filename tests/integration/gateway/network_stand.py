@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +25,6 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[3]
 NAME = "coastal-gateway"
-PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))
 NO_UDEV = "#!/bin/sh\nexit 0\n"
 """Of a container: it has no udev, and /sys cannot be written, so that the `udevadm trigger` of netplan fails there."""
 STATE = "/var/lib/atlantis/network"
@@ -82,16 +79,8 @@ class NetworkStand:
         }
         for name, value in (("play.yml", play), ("variables.json", variables)):
             (self.folder / name).write_text(json.dumps(value))
-        environment = {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(self.folder / "ansible")}
-        with (self.folder / "said").open("w") as said:
-            process = preforked.ansible(
-                *(PLAYBOOK, ["-i", f"{NAME},", "play.yml", "-e", "@variables.json", *words]),
-                env=os.environ | environment,
-                folder=self.folder,
-                output=said.fileno(),
-            )
-            code = process.wait()
-        return code, (self.folder / "said").read_text()
+        process = preforked.play(["-i", f"{NAME},", "play.yml", "-e", "@variables.json", *words], self.folder)
+        return process.wait(), (self.folder / "said").read_text()
 
     def network(self) -> dict[str, Any]:
         """Files and running state, to be compared before and after."""

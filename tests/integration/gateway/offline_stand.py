@@ -7,13 +7,12 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import preforked
 from gateway_stand import ROUTER, Key, gateway_tree
 
 from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, make
@@ -24,12 +23,12 @@ from atlantis_netcfg.emulator.lab.stubs import StubPackage, publish
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from atlantis_netcfg.bundle.manifest import Manifest
     from atlantis_netcfg.bundle.requirements import Library
     from atlantis_netcfg.emulator.lab import Machine
 
-ROOT = Path(__file__).resolve().parents[3]
 NAME = "coastal-gateway"
 CUT = f"""
 ip route del default
@@ -88,9 +87,7 @@ class Quay:
         order = BundleOrder("coastal", "0" * 64, (BundlePurpose(wish, target, None),), self.folder / name)
         return make(order, self.keys.signer(), lambda _words, _share: None, lambda _size: None)
 
-    def start(
-        self, *tasks: Mapping[str, Any], name: str = "bundle", words: Sequence[str] = ()
-    ) -> subprocess.Popen[str]:
+    def _command(self, tasks: Sequence[Mapping[str, Any]], name: str, words: Sequence[str]) -> list[str]:
         """Carry a bundle, then do these tasks."""
         carry = {"name": "Carry", "ansible.builtin.include_role": {"name": "gateway_base", "tasks_from": "offline"}}
         told = {"name": "Told", "ansible.builtin.debug": {"msg": "TOLD {{ gateway_base_bundle | to_json }} TOLD"}}
@@ -108,32 +105,29 @@ class Quay:
             play[0]["become"] = True
         for file, value in (("play.yml", play), ("variables.json", variables | self.variables)):
             (self.folder / file).write_text(json.dumps(value))
-        program = str(Path(sys.executable).with_name("ansible-playbook"))
-        ansible = {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(self.folder / "ansible")}
-        return subprocess.Popen(
-            [program, "-i", f"{NAME},", "play.yml", "-e", "@variables.json", *words],
-            cwd=self.folder,
-            env=os.environ | ansible,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
+        return ["-i", f"{NAME},", "play.yml", "-e", "@variables.json", *words]
 
     def run(self, *tasks: Mapping[str, Any], name: str = "bundle", words: Sequence[str] = ()) -> tuple[int, str]:
         """Do it to the end; gives the exit code and what was said."""
-        with self.start(*tasks, name=name, words=words) as process:
-            said, _ = process.communicate()
-        return process.returncode, said
+        code = preforked.play(self._command(tasks, name, words), self.folder).wait()
+        return code, (self.folder / "said").read_text()
 
-    def cut_off(self, process: subprocess.Popen[str], beyond: int) -> None:
-        """Kill the laptop's side of a run, Ansible's workers and their ssh with it, once so many bytes have gone up."""
+    def cut_off(self, beyond: int) -> None:
+        """Carry the bundle; kill Ansible, its workers and their ssh once so many bytes have gone up."""
+        process = subprocess.Popen(
+            [preforked.PLAYBOOK, *self._command((), "bundle", ())],
+            cwd=self.folder,
+            env=os.environ | preforked.settings(self.folder),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         while self.gateway.traffic.up_bytes < beyond and process.poll() is None:
             time.sleep(0.02)
         for pid in [process.pid, *_below(process.pid)]:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
-        process.communicate()
+        process.wait()
 
 
 def _below(pid: int) -> list[int]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
+import preforked
 import pytest
 
 from atlantis_netcfg.emulator.lab import why_not
@@ -29,15 +28,8 @@ device:
 def rehearsed(state: Path, host: str, *words: str) -> dict[str, Any]:
     if (reason := why_not()) is not None:
         pytest.skip(reason)
-    done = subprocess.run(
-        [sys.executable, "-m", "atlantis_netcfg", "site=scc", "--rehearse", "--json", f"only={host}", *words],
-        cwd=CHECKOUT,
-        env={**os.environ, "ATLANTIS_STATE": str(state)},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    typed = ["site=scc", "--rehearse", "--json", f"only={host}", *words]
+    done = preforked.run(typed, env=os.environ | {"ATLANTIS_STATE": str(state)}, folder=CHECKOUT)
     assert done.returncode == 0, f"exit {done.returncode}\n{done.stdout[:2000]}\n{done.stderr[-2000:]}"
     told: dict[str, Any] = json.loads(done.stdout)["devices"][host]
     return told

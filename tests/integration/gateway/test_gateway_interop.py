@@ -14,12 +14,13 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
-from gateway_role import PLAYBOOK, ROOT, Stand
+from gateway_role import Stand
 from gateway_stand import ROUTER, ground, machine, technician  # noqa: F401 - fixtures
 
 from atlantis_netcfg.emulator.lab.stubs.interop import (
@@ -317,12 +318,11 @@ def begin(interop: Interop) -> subprocess.Popen[bytes]:
     """Type the run; come back when it waits for the build, which has come to the examples."""
     stand, said = interop.stand, interop.stand.folder / "said"
     stand.variables["ansible_ssh_args"] = "-o ControlMaster=no"
-    environment = {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(stand.folder / "ansible")}
     with (stand.folder / "events").open("wb") as events, said.open("wb") as output:
         running = subprocess.Popen(
-            [PLAYBOOK, *stand._command(events.fileno(), ())],  # by its environment `kill` knows it
+            [preforked.PLAYBOOK, *stand._command(events.fileno(), ())],  # by its environment `kill` knows it
             cwd=stand.folder,
-            env=os.environ | environment,
+            env=os.environ | preforked.settings(stand.folder),
             pass_fds=[events.fileno()],
             stdin=subprocess.DEVNULL,
             stdout=output,

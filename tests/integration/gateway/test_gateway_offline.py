@@ -64,7 +64,7 @@ def test_a_carry_that_was_killed_is_resumed_and_sends_only_the_rest(quay: Quay) 
     manifest = quay.bundle(parts)
     whole = bytes_to_carry(open_bundle(quay.folder / "bundle", quay.keys), "coastal-gateway")
     quay.gateway.link(rate_up_bps=40_000_000)
-    quay.cut_off(quay.start(), beyond=quay.gateway.traffic.up_bytes + whole // 3)
+    quay.cut_off(quay.gateway.traffic.up_bytes + whole // 3)
     quay.gateway.link()
     assert manifest.id not in quay.gateway.run("ls -A /var/lib/atlantis/bundle").stdout.split()
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import preforked
 import pytest
 
 from atlantis_netcfg.emulator.lab import NOT_REHEARSED, stubs, why_not
+
+if TYPE_CHECKING:
+    import subprocess
 
 CHECKOUT = Path(__file__).parents[3]
 HOST = "coastal-gateway"
@@ -20,15 +23,7 @@ pytestmark = pytest.mark.slow
 def provision(state: Path, *words: str, code: int) -> subprocess.CompletedProcess[str]:
     if (reason := why_not()) is not None:
         pytest.skip(reason)
-    done = subprocess.run(
-        [sys.executable, "-m", "atlantis_netcfg", *words, f"only={HOST}"],
-        cwd=CHECKOUT,
-        env={**os.environ, "ATLANTIS_STATE": str(state)},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = preforked.run([*words, f"only={HOST}"], env=os.environ | {"ATLANTIS_STATE": str(state)}, folder=CHECKOUT)
     assert done.returncode == code, f"exit {done.returncode}\n{done.stdout[:2000]}\n{done.stderr[-2000:]}"
     return done
 

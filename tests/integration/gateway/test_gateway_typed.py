@@ -9,6 +9,7 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from gateway_role import NAME, ROOT
 from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
@@ -59,9 +60,11 @@ class Typed(Voyage):
             "ANSIBLE_VAULT_PASSWORD_FILE": str(self.real.vault_password),
             "ANSIBLE_SSH_EXTRA_ARGS": options,
         }
+        server = preforked.server(sys.executable).fileno()
         done = subprocess.run(
-            [*ground.prefix(), sys.executable, "-m", "atlantis_netcfg", *typed],
+            [*ground.prefix(), *preforked.client(server), *typed],
             cwd=ROOT,
+            pass_fds=[server],
             env=os.environ | more,
             stdin=subprocess.DEVNULL,
             capture_output=True,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import preforked
 import pytest
-from gateway_role import NAME, PLAYBOOK, ROOT
+from gateway_role import NAME, ROOT
 from gateway_stand import ground, known_hosts, machine, technician  # noqa: F401 - fixtures
 from waiting import HANG_S, wait_until
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 
-ADHOC = PLAYBOOK.removesuffix("-playbook")
+ADHOC = preforked.PLAYBOOK.removesuffix("-playbook")
 SOURCE, KEYRING = "/etc/apt/sources.list.d/own.sources", "/usr/share/keyrings/own.gpg"
 SLOW = StubPackage("slow", "1.0", postinst="touch /run/slow; while [ -e /srv/slow ]; do sleep 0.1; done")
 LARGE = StubPackage("large", "1.0", padding_kb=6000)

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros import SiteSpec
 
+CHECKOUT = Path(__file__).resolve().parents[3]
+PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))
 PRELOADED = (
     *("atlantis_netcfg.cli", "atlantis_netcfg.emulator.routeros.__main__"),
     *("atlantis_netcfg.cli._output", "atlantis_netcfg.cli._arguments", "atlantis_netcfg.cli._playbook"),
@@ -51,10 +53,16 @@ PRELOADED = (
     *("curses", "pprint", "pty", "syslog", "tarfile", "xml.dom.minidom", "xml.etree.ElementTree", "yaml"),
 )
 """What most commands import; no more than that, so that a command which forgets an import still fails."""
+_PLUGINS = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins"
 ANSIBLE = (
     *("ansible.cli.adhoc", "ansible.cli.playbook", "ansible.plugins.become.sudo", "ansible.plugins.callback.default"),
     *("ansible.plugins.connection.ssh", "ansible.plugins.filter.core", "ansible.plugins.shell.sh"),
     *("ansible.plugins.strategy.linear", "ansible.plugins.test.core"),
+    *(f"ansible.plugins.callback.{name}" for name in ("junit", "minimal", "oneline", "tree")),
+    *("ansible.plugins.become.su", "ansible.plugins.cache.memory", "ansible.plugins.vars.host_group_vars"),
+    *("ansible.plugins.inventory.host_list", "ansible.plugins.inventory.yaml"),
+    *(f"{_PLUGINS}.plugin_utils.{name}" for name in ("engine_action", "zipapp_action")),
+    *(f"{_PLUGINS}.modules.{name}" for name in ("build", "clock", "configure", "env_conflicts", "packages")),
     *("atlantis_netcfg.bundle.open", "atlantis_netcfg.core.remote_bundle", "atlantis_netcfg.operations.request"),
     *("atlantis_netcfg.operations.computers._watch", "atlantis_netcfg.operations.computers.parts"),
 )
@@ -97,15 +105,17 @@ class Process:
             self._ours.shutdown(socket.SHUT_WR)
 
 
-def run(
+def run(  # noqa: PLR0913 - as subprocess.run has them
     arguments: Sequence[str],
     *,
     env: Mapping[str, str],
     stdin: int = subprocess.DEVNULL,
     stderr: int = subprocess.PIPE,
     pass_fds: Sequence[int] = (),
+    module: str = "atlantis_netcfg.cli",
+    folder: Path | None = None,
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command line of `provision`; as `subprocess.run` with `capture_output` and `text` does."""
+    """Run a command line of `provision`, or of another module; as `subprocess.run` with `capture_output` does."""
     with ExitStack() as stack, ExitStack() as theirs:
         readers, writers = [], []
         for _ in range(1 if stderr == subprocess.STDOUT else 2):
@@ -115,7 +125,8 @@ def run(
         if stdin == subprocess.DEVNULL:
             stdin = theirs.enter_context(Path(os.devnull).open("rb")).fileno()
         process = _start(
-            _Request("atlantis_netcfg.cli", list(arguments), dict(env), list(pass_fds)), stdin, writers[0], writers[-1]
+            _Request(module, list(arguments), dict(env), list(pass_fds), folder=str(folder or Path.cwd())),
+            *(stdin, writers[0], writers[-1]),
         )
         stack.callback(process.kill)
         theirs.close()
@@ -145,6 +156,18 @@ def ansible(  # noqa: PLR0913 - as subprocess.run has them
     with Path(os.devnull).open("rb") as nothing:
         request = _Request(module, list(arguments), dict(env), list(pass_fds), folder=str(folder), program=program)
         return _start(request, nothing.fileno(), output, output if errors is None else errors, settings=_settings(env))
+
+
+def play(arguments: Sequence[str], folder: Path, *, pass_fds: Sequence[int] = ()) -> Process:
+    """Start `ansible-playbook` with our settings in a folder, in which its home is and `said`, all that it says."""
+    env = os.environ | settings(folder)
+    with (folder / "said").open("w") as said:
+        return ansible(PLAYBOOK, arguments, env=env, folder=folder, output=said.fileno(), pass_fds=pass_fds)
+
+
+def settings(folder: Path) -> dict[str, str]:
+    """What Ansible finds in its environment: our settings, and its home in a folder."""
+    return {"ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"), "ANSIBLE_HOME": str(folder / "ansible")}
 
 
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
@@ -354,6 +377,14 @@ def _read_settings() -> None:
         constants.set_constant(setting, constants.config.get_config_value(setting, variables=vars(constants)))
 
 
+def _read_names() -> None:
+    """Read, once for all children, Ansible's table of the names that its modules had: 90 ms."""
+    finder: Any = import_module("ansible.utils.collection_loader._collection_finder")
+    table = Path(import_module("ansible.config").__path__[0]) / "ansible_builtin_runtime.yml"
+    finder._meta_yml_to_dict = cache(finder._meta_yml_to_dict)
+    finder._meta_yml_to_dict(table.read_bytes(), ("ansible.builtin", "runtime.yml"))
+
+
 def _main() -> int:
     control = socket.socket(fileno=int(sys.argv[1]))
     if os.geteuid() == 0:  # the namespace of the test that comes first would stay as long as we do
@@ -364,7 +395,9 @@ def _main() -> int:
             os.environ["ANSIBLE_HOME"] = home
         for name in (*PRELOADED, *(ANSIBLE if prepared else ())):
             import_module(name)
-        if not prepared:
+        if prepared:
+            _read_names()
+        else:
             import_module("atlantis_netcfg.operations.rehearsal").spawn = spawn  # type: ignore[attr-defined]
         assert ("ansible.constants" in sys.modules) == prepared
     signal.signal(signal.SIGINT, signal.default_int_handler)

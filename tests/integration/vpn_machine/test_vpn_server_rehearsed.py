@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
+import preforked
 import pytest
 
 from atlantis_netcfg.emulator.lab import why_not
@@ -18,15 +17,8 @@ pytestmark = pytest.mark.slow
 
 
 def provision(state: Path, *words: str, code: int, **more: str) -> dict[str, object]:
-    done = subprocess.run(
-        [sys.executable, "-m", "atlantis_netcfg", *words, f"only={HOST}", "--json"],
-        cwd=CHECKOUT,
-        env={**os.environ, "ATLANTIS_STATE": str(state), **more},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    typed = [*words, f"only={HOST}", "--json"]
+    done = preforked.run(typed, env=os.environ | {"ATLANTIS_STATE": str(state), **more}, folder=CHECKOUT)
     assert done.returncode == code, f"exit {done.returncode}\n{done.stdout[:2000]}\n{done.stderr[-2000:]}"
     assert "PRIVATE KEY" not in done.stdout + done.stderr
     told: dict[str, object] = json.loads(done.stdout)["devices"][HOST]

@@ -181,7 +181,7 @@ def test_the_firewall_comes_back_and_the_tunnel_does_not_run_without_it(server: 
 @pytest.mark.campaign
 def test_a_power_cut_while_it_is_made_is_completed_by_the_next_run(server: Stand) -> None:
     server.machine.run(f"systemctl stop {TUNNEL}; rm -rf {FOLDER} /etc/openvpn/server/atlantis.conf /etc/atlantis")
-    with server.starting() as (process, _):
+    with server.starting() as process:
         server.machine.run(f"until [ -e {FOLDER}/.ca.crt.atlantis-new ]; do :; done", timeout_s=HANG_S)
         server.machine.power_cut()
         for one in (process.pid, *below(process.pid)):  # a task has a session of its own, and holds the lock as well

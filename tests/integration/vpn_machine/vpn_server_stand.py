@@ -8,11 +8,12 @@ import os
 import re
 import subprocess
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -42,7 +43,6 @@ NAME = "scc-vpn"
 ADDRESS, ROUTER = "10.64.0.10", "10.64.0.1"
 FOLDER = "/etc/openvpn/atlantis"
 TUNNEL = "openvpn-server@atlantis.service"
-_PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))
 _PASSPHRASE = Secret("six words that a die has chosen")
 _CONNECTED = "Initialization Sequence Completed"
 _CONSOLE = {"name": "Role", "ansible.builtin.import_role": {"name": "openvpn_server", "rolespec_validate": False}}
@@ -200,7 +200,10 @@ class Stand:
 
     def run(self, *words: str) -> dict[str, Any]:
         """Run the role; `words` are for ansible-playbook."""
-        with self.starting(*words) as (process, lines):
+        read, write = os.pipe()
+        with os.fdopen(read) as lines:
+            with os.fdopen(write, "w"):
+                process = preforked.play(self._command(write, words), self.folder, pass_fds=[write])
             told = [json.loads(line) for line in lines]
             process.wait()
         results = [line["devices"][NAME] for line in told if line.get("devices")]
@@ -208,8 +211,38 @@ class Stand:
         result: dict[str, Any] = results[0]
         return result
 
-    def starting(self, *words: str) -> _Run:
-        return _Run(self, words)
+    @contextmanager
+    def starting(self) -> Iterator[subprocess.Popen[bytes]]:
+        """Run the role by the program itself, which may be killed."""
+        with (self.folder / "events").open("wb") as events, (self.folder / "said").open("wb") as said:
+            words = [preforked.PLAYBOOK, *self._command(events.fileno(), ())]
+            env = os.environ | preforked.settings(self.folder)
+            with subprocess.Popen(
+                words,
+                cwd=self.folder,
+                env=env,
+                pass_fds=[events.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=subprocess.STDOUT,
+            ) as process:
+                yield process
+
+    def _command(self, events: int, words: Sequence[str]) -> list[str]:
+        known = self.folder / "known"
+        known.write_text(f"{NAME} {self.machine.host_key}\n")
+        variables = {
+            "ansible_host": "127.0.0.1",
+            "ansible_port": self.machine.port,
+            "ansible_user": "root",
+            "ansible_ssh_private_key_file": str(self.key),
+            "ansible_ssh_common_args": f"-o HostKeyAlias={NAME} -o UserKnownHostsFile={known}",
+            "atlantis_request": {"state": str(self.folder / "state"), "rehearsed": True, "events_fd": events},
+        }
+        play = [{"hosts": "vpn_servers", "gather_facts": False, "tasks": [_CONSOLE]}]
+        (self.folder / "play.yml").write_text(json.dumps(play))
+        (self.folder / "variables.json").write_text(json.dumps(variables))
+        return ["-i", str(self.inventory), "play.yml", "-e", "@variables.json", "--limit", NAME, *words]
 
     def provision(self, *words: str) -> dict[str, Any]:
         """Type it where the operator's laptop stands: in the LAN of the server."""
@@ -223,9 +256,11 @@ class Stand:
             "ANSIBLE_VAULT_PASSWORD_FILE": str(self.folder / "vault-password"),
             "ANSIBLE_SSH_EXTRA_ARGS": f"-F none -i {self.key} -o IdentitiesOnly=yes -o UserKnownHostsFile={known}",
         }
+        server = preforked.server(sys.executable).fileno()
         done = subprocess.run(
-            [*self.ground.prefix(), sys.executable, "-m", "atlantis_netcfg", *typed],
+            [*self.ground.prefix(), *preforked.client(server), *typed],
             cwd=ROOT,
+            pass_fds=[server],
             env=os.environ | more,
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -235,66 +270,6 @@ class Stand:
         assert done.stdout.startswith("{"), f"{done.stdout[:2000]}\n{done.stderr[-2000:]}"
         told: dict[str, Any] = json.loads(done.stdout)
         return told
-
-
-class _Run:
-    """One run of the role; gives the process and the lines of its events."""
-
-    def __init__(self, stand: Stand, words: Sequence[str]) -> None:
-        self._stand, self._words = stand, words
-        self._stack = ExitStack()
-
-    def __enter__(self) -> tuple[subprocess.Popen[str], Iterator[str]]:
-        stand = self._stand
-        read, write = os.pipe()
-        said = self._stack.enter_context((stand.folder / "said").open("w"))
-        process = self._stack.enter_context(
-            subprocess.Popen(
-                self._command(write),
-                cwd=stand.folder,
-                env=os.environ
-                | {"ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"), "ANSIBLE_HOME": str(stand.folder / "ansible")},
-                text=True,
-                pass_fds=[write],
-                stdin=subprocess.DEVNULL,
-                stdout=said,
-                stderr=subprocess.STDOUT,
-            )
-        )
-        os.close(write)
-        lines: Iterator[str] = self._stack.enter_context(os.fdopen(read))
-        return process, lines
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
-
-    def _command(self, events: int) -> list[str]:
-        stand = self._stand
-        known = stand.folder / "known"
-        known.write_text(f"{NAME} {stand.machine.host_key}\n")
-        variables = {
-            "ansible_host": "127.0.0.1",
-            "ansible_port": stand.machine.port,
-            "ansible_user": "root",
-            "ansible_ssh_private_key_file": str(stand.key),
-            "ansible_ssh_common_args": f"-o HostKeyAlias={NAME} -o UserKnownHostsFile={known}",
-            "atlantis_request": {"state": str(stand.folder / "state"), "rehearsed": True, "events_fd": events},
-        }
-        (stand.folder / "play.yml").write_text(
-            json.dumps([{"hosts": "vpn_servers", "gather_facts": False, "tasks": [_CONSOLE]}])
-        )
-        (stand.folder / "variables.json").write_text(json.dumps(variables))
-        return [
-            _PLAYBOOK,
-            "-i",
-            str(stand.inventory),
-            "play.yml",
-            "-e",
-            "@variables.json",
-            "--limit",
-            NAME,
-            *self._words,
-        ]
 
 
 def _lines(pem: str) -> set[str]:
