@@ -755,13 +755,8 @@ def _cut(one: Modem) -> bytes:
 
 
 _STATES = (
-    "OFFLINE READY",
-    "OFFLINE ALARM",
-    "OFFLINE TERMINATED",
-    "OFFLINE CONNECTION FAILED",
-    "NOISE",
-    "DEAF",
-    "ASLEEP 4",
+    *("OFFLINE READY", "OFFLINE ALARM", "OFFLINE TERMINATED", "OFFLINE CONNECTION FAILED", "NOISE"),
+    *("DEAF", "ASLEEP 4"),
 )
 _EVERY = frozenset(
     {

@@ -202,11 +202,6 @@ def test_the_vpn_and_dds_over_the_satellite(tmp_path: Path, monkeypatch: pytest.
     assert standing == pytest.approx([expected[0] - steady.up, expected[1] - steady.down], rel=TOLERANCE)
 
 
-def inside_tunnel(made: Vpn) -> list[int]:
-    """Bytes of the reliable topic up and down, as the participants send them."""
-    return [read(made, f"reliable_{way}") for way in ("up", "down")]
-
-
 def quickest_answer_ms(made: Vpn) -> float:
     """Of pings from the gateway to the control centre, through the tunnel."""
     address = made.authority.membership().members[CENTRE].address

@@ -33,13 +33,8 @@ ROWS = {
     "/ip/dhcp-client": 'add comment="atlantis: uplink" interface=ether6 {}=x',
 }
 _LOOKS = (
-    "/print",
-    "/login",
-    "/cancel",
-    "/console/inspect",
-    "/safe-mode/take",
-    "/safe-mode/release",
-    "/safe-mode/unroll",
+    *("/print", "/login", "/cancel", "/console/inspect", "/safe-mode/take"),
+    *("/safe-mode/release", "/safe-mode/unroll"),
 )
 _PARSES = "=script=:foreach n,s in={"
 

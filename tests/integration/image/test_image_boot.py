@@ -203,13 +203,8 @@ def _look(guest: Guest, key: paramiko.PKey) -> None:
             _, out, _ = client.exec_command(asked)
             answers[asked.split()[0] + asked[-4:]] = out.read().decode().strip()
     assert list(answers.values()) == [
-        "coastal-gateway",
-        "/usr/share/zoneinfo/Europe/Lisbon",
-        "own",
-        "first-boot-done",
-        "enabled",
-        "10.64.1.10/24",
-        "3",
+        *("coastal-gateway", "/usr/share/zoneinfo/Europe/Lisbon", "own", "first-boot-done", "enabled"),
+        *("10.64.1.10/24", "3"),
     ]
     with pytest.raises(paramiko.AuthenticationException):
         guest.login(password=PASSWORD)

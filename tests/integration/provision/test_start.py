@@ -23,17 +23,8 @@ sys.exit(code)
 """
 UNUSED = {
     *(
-        "asyncssh",
-        "fpdf",
-        "jeepney",
-        "netmiko",
-        "paramiko",
-        "pymavlink",
-        "pyrage",
-        "pytest",
-        "rich",
-        "serial",
-        "unittest",
+        *("asyncssh", "fpdf", "jeepney", "netmiko", "paramiko", "pymavlink", "pyrage", "pytest", "rich"),
+        *("serial", "unittest"),
     ),
     *(f"ansible.plugins.{name}" for name in ("become.su", "connection.paramiko_ssh", "connection.winrm")),
     "atlantis_netcfg.bundle",

@@ -35,17 +35,10 @@ PASSPHRASE = "canary-2f9d41-heron-under-glass"
 DRIVER = Path(__file__).with_name("canary_driver.py")
 KEY = pyrage.x25519.Identity.generate()
 SELDOM = {
-    ".git",
-    ".venv",
-    ".venv-strangers",
-    ".mypy_cache",
-    ".ruff_cache",
-    ".pytest_cache",
-    "__pycache__",
-    ".hypothesis",
+    *(".git", ".venv", ".venv-strangers", ".mypy_cache", ".ruff_cache", ".pytest_cache"),
+    *("__pycache__", ".hypothesis"),
 }
 LOOSE = 0o077
-GATEWAYS = "handouts/coastal-gateway/coastal-gateway.tar.age"
 CALLS = "trace=execve,openat,mkdir,chmod,fchmod,fchmodat"
 
 

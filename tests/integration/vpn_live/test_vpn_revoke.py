@@ -28,13 +28,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.namespace
 
 ORDER = [
-    "list in place",
-    "no longer admitted",
-    "client told to stop",
-    "firewall closed",
-    "session dead",
-    "safe on the disk",
-    "verified",
+    *("list in place", "no longer admitted", "client told to stop", "firewall closed", "session dead"),
+    *("safe on the disk", "verified"),
 ]
 
 

@@ -20,12 +20,8 @@ if TYPE_CHECKING:
 
 NAME = "A. Technician"
 WIFI, FAILSAFE, PING, USBL, DHCP, SKIPPED = EVERY = (
-    "sparus/wifi",
-    "stork/rc_rf/failsafe",
-    "sparus/usbl/ping",
-    "eca-rov/usbl",
-    "coastal/site/rogue-dhcp",
-    "coastal/site/satellite-filter",
+    *("sparus/wifi", "stork/rc_rf/failsafe", "sparus/usbl/ping", "eca-rov/usbl"),
+    *("coastal/site/rogue-dhcp", "coastal/site/satellite-filter"),
 )
 _KINDS = {
     WIFI: (ItemKind.AUTOMATIC, Phase.QUAY),

@@ -30,7 +30,6 @@ NAME = "A. Technician"
 BATTERY, PLUG, SWITCH, RINSED = (f"mares/items/{name}" for name in ("battery", "drain-plug", "kill-switch", "rinsed"))
 ANTENNAS, LIGHTS, LOGGED = (f"coastal/items/{name}" for name in ("antennas", "lights", "logged-time"))
 ONLY_ITEMS = ("items",)
-PNG = b"\x89PNG\r\n\x1a\n"
 
 
 @pytest.fixture(scope="module")

@@ -113,13 +113,8 @@ def unit_of(declared: HostedService) -> str:
 def test_the_unit_is_bounded() -> None:
     lines = unit_of(service(memory_mb=300, restart="on-failure")).splitlines()
     for line in (
-        "User=svc-backend",
-        "ExecStart=/opt/backend --port 18082",
-        "Restart=on-failure",
-        "MemoryMax=300M",
-        "ReadWritePaths=/var/lib/svc-backend",
-        "ProtectSystem=strict",
-        "CapabilityBoundingSet=",
+        *("User=svc-backend", "ExecStart=/opt/backend --port 18082", "Restart=on-failure", "MemoryMax=300M"),
+        *("ReadWritePaths=/var/lib/svc-backend", "ProtectSystem=strict", "CapabilityBoundingSet="),
     ):
         assert line in lines
 

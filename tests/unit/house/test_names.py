@@ -86,16 +86,9 @@ def test_no_retired_name_comes_back() -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "def told(): pass",
-        "class _Wish: pass",
-        "def f(*, asked=1): pass",
-        "for one in (): pass",
-        "x = [own for own in ()]",
-        "self.heard = 1",
-        "import a as Held",
-        "try: pass\nexcept E as held: pass",
-        "match x:\n case [*said]: pass",
-        "f = lambda one: one",
+        *("def told(): pass", "class _Wish: pass", "def f(*, asked=1): pass", "for one in (): pass"),
+        *("x = [own for own in ()]", "self.heard = 1", "import a as Held", "try: pass\nexcept E as held: pass"),
+        *("match x:\n case [*said]: pass", "f = lambda one: one"),
     ],
 )
 def test_is_found_wherever_a_name_can_be_given(text: str) -> None:

@@ -129,15 +129,8 @@ def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "command",
     [
-        "AT+CFUN=1",
-        "AT+COPS=0",
-        'AT+CPIN="1234"',
-        "ATE0",
-        "AT+CMEE=2",
-        "AT+CGSN",
-        "ATZ",
-        "AT+CPIN?\rAT+CFUN=0",
-        "at+csq",
+        *("AT+CFUN=1", "AT+COPS=0", 'AT+CPIN="1234"', "ATE0", "AT+CMEE=2", "AT+CGSN", "ATZ"),
+        *("AT+CPIN?\rAT+CFUN=0", "at+csq"),
     ],
 )
 def test_what_is_no_read_is_refused_before_the_wire(command: str) -> None:

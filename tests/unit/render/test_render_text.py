@@ -25,15 +25,8 @@ from atlantis_netcfg.render._environment import MARK, duration
 
 WITHOUT_COMMENT = {"/system/logging", "/system/logging/action"}
 ENTIRE = (
-    "/interface bridge port",
-    "/ip dhcp-client",
-    "/interface list member",
-    "/ip firewall address-list",
-    "/ip firewall filter",
-    "/ip firewall nat",
-    "/ip firewall mangle",
-    "/ip route",
-    "/routing rule",
+    *("/interface bridge port", "/ip dhcp-client", "/interface list member", "/ip firewall address-list"),
+    *("/ip firewall filter", "/ip firewall nat", "/ip firewall mangle", "/ip route", "/routing rule"),
 )
 ENTIRE_WITH_A_CHOICE = ("/queue tree", "/tool netwatch")
 """Where there is another link to go to, and one that is thin."""

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
-TAGS = {"svg", "title", "desc", "g", "rect", "polyline", "text"}
 SVG = "{http://www.w3.org/2000/svg}"
 
 

@@ -6,25 +6,9 @@ from atlantis_netcfg.routeros import api
 
 def test_the_public_surface() -> None:
     assert api.__all__ == [
-        "READING_WINDOW",
-        "WINDOW",
-        "CertificateChanged",
-        "CertificateUnknown",
-        "Command",
-        "Endpoint",
-        "FellSilent",
-        "LoginRefused",
-        "ProtocolError",
-        "Refused",
-        "Reply",
-        "Session",
-        "SessionLost",
-        "Traffic",
-        "Trap",
-        "Unreachable",
-        "certificate_of",
-        "may_cut_off",
-        "shown_certificate",
+        *("READING_WINDOW", "WINDOW", "CertificateChanged", "CertificateUnknown", "Command", "Endpoint"),
+        *("FellSilent", "LoginRefused", "ProtocolError", "Refused", "Reply", "Session", "SessionLost"),
+        *("Traffic", "Trap", "Unreachable", "certificate_of", "may_cut_off", "shown_certificate"),
     ]
 
 

@@ -101,14 +101,8 @@ def test_a_twin_wraps_as_the_printer_does(name: str) -> None:
 def test_there_is_something_of_everything() -> None:
     everything = "".join(texts().values())
     traits = (
-        "set [ find default-name=",
-        "set telnet",
-        "\\C3\\B1",
-        "\\r\\n",
-        " !",
-        " \\\n    ",
-        " by RouterOS 6.",
-        " .mode=",
+        *("set [ find default-name=", "set telnet", "\\C3\\B1", "\\r\\n", " !", " \\\n    "),
+        *(" by RouterOS 6.", " .mode="),
     )
     assert [trait for trait in traits if trait not in everything] == []
     assert len(texts()) >= 15 + 3

@@ -63,20 +63,8 @@ def test_every_mistake_is_explained_at_its_place(path: Path) -> None:
 
 def test_the_public_surface() -> None:
     assert rsc.__all__ == [
-        "VOLATILE_COMMENTS",
-        "WIDTH",
-        "Export",
-        "RscError",
-        "Statement",
-        "console_path",
-        "drop_volatile",
-        "in_quotes",
-        "is_volatile",
-        "parse",
-        "print_export",
-        "print_statement",
-        "quote",
-        "unquote",
+        *("VOLATILE_COMMENTS", "WIDTH", "Export", "RscError", "Statement", "console_path", "drop_volatile"),
+        *("in_quotes", "is_volatile", "parse", "print_export", "print_statement", "quote", "unquote"),
     ]
 
 
@@ -103,12 +91,8 @@ def test_elided_names_are_read_in_full_and_shortened_for_routeros_7_only() -> No
     row = "add configuration=base configuration.country=Spain .mode=ap disabled=no security.ft=yes .ft-over-ds=yes\n"
     export = parse(f"# by RouterOS 7.18.2\n/interface wifi\n{row}")
     assert [name for name, _ in export.statements[0].values] == [
-        "configuration",
-        "configuration.country",
-        "configuration.mode",
-        "disabled",
-        "security.ft",
-        "security.ft-over-ds",
+        *("configuration", "configuration.country", "configuration.mode", "disabled"),
+        *("security.ft", "security.ft-over-ds"),
     ]
     assert print_export(export, width=None).endswith(row)
     old = Export(("by RouterOS 6.49.18",), export.statements, export.menus)

@@ -60,17 +60,8 @@ def _inserted() -> Iterator[str]:
     """Every ASCII character that is no letter, and some that are not seen, at the start, inside, and at the end."""
     strange = [chr(code) for code in range(128) if chr(code) not in PLAIN]
     strange += [
-        "\x85",
-        "\xa0",
-        "\xad",
-        "\u200b",
-        "\u200d",
-        "\u202e",
-        "\u2028",
-        "\u2060",
-        "\ufeff",
-        "\U000e0061",
-        "\udcff",
+        *("\x85", "\xa0", "\xad", "\u200b", "\u200d", "\u202e", "\u2028", "\u2060", "\ufeff"),
+        *("\U000e0061", "\udcff"),
     ]
     for base in BASES:
         for letter in strange:
@@ -108,20 +99,8 @@ def _look_alikes() -> Iterator[str]:
 
 def _paths() -> Iterator[str]:
     parts = (
-        "..",
-        ".",
-        "../..",
-        "../etc/passwd",
-        "..\\..",
-        "%2e%2e",
-        "%2f",
-        "%00",
-        "/",
-        "//",
-        "/etc/passwd",
-        "~",
-        "~root",
-        "C:",
+        *("..", ".", "../..", "../etc/passwd", "..\\..", "%2e%2e", "%2f", "%00", "/", "//", "/etc/passwd", "~"),
+        *("~root", "C:"),
     )
     for base in BASES:
         for part in parts:
@@ -139,17 +118,8 @@ def _paths() -> Iterator[str]:
 
 def _options() -> Iterator[str]:
     for word in (
-        "-",
-        "--",
-        "-rf",
-        "--help",
-        "--config",
-        "--json",
-        "-oProxyCommand=id",
-        "--passphrase-fd",
-        "-c",
-        "-e",
-        "-i",
+        *("-", "--", "-rf", "--help", "--config", "--json", "-oProxyCommand=id", "--passphrase-fd", "-c"),
+        *("-e", "-i"),
     ):
         yield from (word, *(f"{word}{base}" for base in BASES), *(f"{word}={base}" for base in BASES))
         yield from (f"{base} {word}" for base in BASES)
@@ -235,21 +205,8 @@ def _words() -> Iterator[str]:
     for word in sorted(RESERVED | {"default", "server", "ip", "ip6", "tcp", "udp", "log", "set", "map", "fwd", "dup"}):
         yield from (word, word.upper(), word.capitalize(), f"{word} ", f"-{word}", f"{word}_")
     yield from (
-        "defaultx",
-        "server-1",
-        "log2",
-        "null",
-        "none",
-        "nan",
-        "yes",
-        "no",
-        "on",
-        "off",
-        "0",
-        "1e9",
-        "0x10",
-        "con",
-        "nul",
+        *("defaultx", "server-1", "log2", "null", "none", "nan", "yes", "no", "on", "off", "0", "1e9", "0x10"),
+        *("con", "nul"),
     )
 
 

@@ -30,7 +30,6 @@ def options(text: Secret) -> list[str]:
     return [line for line in lines if not line.startswith("#")]
 
 
-PULLED = ("route ", "route-ipv6 ", "redirect-", "dhcp-option ", "ifconfig-ipv6 ")
 """What a server may push in vain."""
 
 

@@ -29,12 +29,8 @@ def extension(certificate: x509.Certificate, kind: type[T]) -> T:
 def usage(certificate: x509.Certificate) -> set[str]:
     said = extension(certificate, x509.KeyUsage)
     names = (
-        "digital_signature",
-        "key_encipherment",
-        "key_agreement",
-        "key_cert_sign",
-        "crl_sign",
-        "content_commitment",
+        *("digital_signature", "key_encipherment", "key_agreement", "key_cert_sign"),
+        *("crl_sign", "content_commitment"),
     )
     return {name for name in names if getattr(said, name)}
 

@@ -8,7 +8,10 @@ The answers of `iw` are made here after its sources (link.c, station.c, interfac
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import yaml
 
 from atlantis_netcfg.checklist.probes import CommandResult, Trouble
 from atlantis_netcfg.core.events import Verdict
@@ -23,33 +26,39 @@ BSSID = "04:f0:21:45:12:9a"
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Answers that differ from the healthy ones, and everything that is to be said of them."""
+    """Answers that differ from the healthy ones; what is to be said of them stands under its name in a .yml beside."""
 
     name: str
-    findings: tuple[str, ...]
     answers: Mapping[str, Answer] = field(default_factory=dict)
     endpoint: Mapping[str, Any] = field(default_factory=dict)
     probe: Mapping[str, Any] = field(default_factory=dict)
-    evidence: tuple[str, ...] | None = None
-    """All of it; None: not compared."""
 
     def __str__(self) -> str:
         return self.name
 
 
-def check(case: Case, probe: Probe, healthy: Mapping[str, Answer]) -> Judged:
+def listed(test: str) -> dict[str, Any]:
+    """What is said, case by case, in the .yml of a test: findings, and all evidence where it is compared."""
+    told = Path(test).with_name(Path(test).stem.removeprefix("test_probe_") + ".yml").read_text(encoding="utf-8")
+    return cast("dict[str, Any]", yaml.safe_load(told))
+
+
+def check(case: Case, told: Mapping[str, Any], probe: Probe, healthy: Mapping[str, Answer]) -> Judged:
     """Judge, and compare with what is listed; every sentence that is no PASS says what to do."""
     judged = probe.judge({**healthy, **case.answers})
-    assert [f"{one.verdict} {one.code}: {one.message}" for one in judged.findings] == list(case.findings)
+    wanted = told[case.name] if isinstance(told[case.name], dict) else {"findings": told[case.name]}
+    assert [f"{one.verdict} {one.code}: {one.message}" for one in judged.findings] == wanted["findings"]
     assert all(one.hint for one in judged.findings if one.verdict is not Verdict.PASS)
-    if case.evidence is not None:
-        assert [f"{one.type} {one.what}: {one.value}" for one in judged.evidence] == list(case.evidence)
+    if "evidence" in wanted:
+        assert [f"{one.type} {one.what}: {one.value}" for one in judged.evidence] == wanted["evidence"]
     return judged
 
 
-def codes(*lists: tuple[Case, ...]) -> set[str]:
+def codes(*tables: Mapping[str, Any]) -> set[str]:
     """Every code that some case lists."""
-    return {line.split(" ")[1].rstrip(":") for cases in lists for case in cases for line in case.findings}
+    cases = [case for table in tables for case in table.values()]
+    lines = [line for case in cases for line in (case["findings"] if isinstance(case, dict) else case)]
+    return {line.split(" ")[1].rstrip(":") for line in lines}
 
 
 def printed(out: str, rc: int = 0, err: str = "") -> CommandResult:
