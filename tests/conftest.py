@@ -8,6 +8,7 @@ import os
 import signal
 import socket
 from collections import defaultdict
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -147,23 +148,34 @@ def _file(test: pytest.Item) -> str:
     return test.nodeid.partition("::")[0]
 
 
+def cpu_s() -> float:
+    """CPU seconds of this process and of the programs that it has started, and of those they have waited for."""
+    ticks = 0
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = path.read_text().rpartition(")")[2].split()
+            if int(fields[1]) == os.getpid():
+                ticks += sum(map(int, fields[11:15]))
+    return sum(os.times()[:4]) + ticks / os.sysconf("SC_CLK_TCK")
+
+
 class Costs:
-    """The CPU seconds of each test file: of the worker, and of the programs that it has waited for."""
+    """The CPU seconds of each test file."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.last = os.times()
+        self.last = cpu_s()
         self.sums: defaultdict[str, defaultdict[str, float]] = defaultdict(lambda: defaultdict(float))
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_logstart(self) -> None:
-        self.last = os.times()
+        self.last = cpu_s()
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(self, item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         report = yield
-        before, self.last = self.last, os.times()
-        report.user_properties.append((f"cpu-{Tier.of(item)}", sum(self.last[:4]) - sum(before[:4])))
+        before, self.last = self.last, cpu_s()
+        report.user_properties.append((f"cpu-{Tier.of(item)}", self.last - before))
         return report
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
