@@ -53,10 +53,16 @@ PRELOADED = (
     *("curses", "pprint", "pty", "syslog", "tarfile", "xml.dom.minidom", "xml.etree.ElementTree", "yaml"),
 )
 """What most commands import; no more than that, so that a command which forgets an import still fails."""
+_PLUGINS = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins"
 ANSIBLE = (
     *("ansible.cli.adhoc", "ansible.cli.playbook", "ansible.plugins.become.sudo", "ansible.plugins.callback.default"),
     *("ansible.plugins.connection.ssh", "ansible.plugins.filter.core", "ansible.plugins.shell.sh"),
     *("ansible.plugins.strategy.linear", "ansible.plugins.test.core"),
+    *(f"ansible.plugins.callback.{name}" for name in ("junit", "minimal", "oneline", "tree")),
+    *("ansible.plugins.become.su", "ansible.plugins.cache.memory", "ansible.plugins.vars.host_group_vars"),
+    *("ansible.plugins.inventory.host_list", "ansible.plugins.inventory.yaml"),
+    *(f"{_PLUGINS}.plugin_utils.{name}" for name in ("engine_action", "zipapp_action")),
+    *(f"{_PLUGINS}.modules.{name}" for name in ("build", "clock", "configure", "env_conflicts", "packages")),
     *("atlantis_netcfg.bundle.open", "atlantis_netcfg.core.remote_bundle", "atlantis_netcfg.operations.request"),
     *("atlantis_netcfg.operations.computers._watch", "atlantis_netcfg.operations.computers.parts"),
 )
