@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from laptop_network import PLACE, Plug, lines, network, route
+from row_subtests import for_each_row
 
 from atlantis_netcfg.operations.doctor.network import IpPrints, NetworkUnreadable, facts_of, managed_of
 from atlantis_netcfg.operations.doctor.way import (
@@ -358,7 +359,7 @@ CASES = (
 )
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@for_each_row("case", CASES, ids=lambda case: case.name)
 def test_everything_that_is_said(case: Case) -> None:
     facts = network(*case.plugs, taken=case.taken, matching=case.matching, defaults=case.defaults)
     assert lines(*judge_way(case.place, facts)) == case.expected

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from gps_cases import CASES, Case
 from gps_said import WANTED, bytewise, epoch, fixes, gpsd, heard, nmea, tpv
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Listen, Place
 from atlantis_netcfg.checklist.probes.gps import StreamGps
@@ -35,19 +36,19 @@ def told(findings: tuple[BearerFinding, ...]) -> tuple[str, ...]:
     return tuple(f"{one.verdict} {one.code}: {one.message}" for one in findings)
 
 
-@pytest.mark.parametrize("case", CASES, ids=NAMES)
+@for_each_row("case", CASES, ids=NAMES)
 def test_a_case_says_what_it_lists_and_nothing_else(case: Case) -> None:
     found = judged(case, case.transcript).findings
     assert told(found) == case.findings
     assert all(one.hint for one in found if one.verdict is not Verdict.PASS)
 
 
-@pytest.mark.parametrize("case", CASES, ids=NAMES)
+@for_each_row("case", CASES, ids=NAMES)
 def test_byte_by_byte_is_the_same(case: Case) -> None:
     assert judged(case, bytewise(case.transcript)) == judged(case, case.transcript)
 
 
-@pytest.mark.parametrize("case", CASES, ids=NAMES)
+@for_each_row("case", CASES, ids=NAMES)
 def test_in_one_piece_the_same_is_read(case: Case) -> None:
     reader = gpsd_reader if case.driver.value == "gpsd" else nmea_reader
     one = (case.transcript.chunks[-1][0] if case.transcript.chunks else 0.0, case.transcript.data)

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 from rc_cases import CASES, Case
 from rc_said import ARMED, UNUSED, WANTED, Says, bytewise, heard
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Listen, Place, Transcript
 from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved
@@ -29,14 +30,14 @@ def judged(case: Case, transcript: Transcript) -> Judged:
     return SticksMoved(wanted, Place.GATEWAY).judge({"sticks": transcript})
 
 
-@pytest.mark.parametrize("case", CASES, ids=NAMES)
+@for_each_row("case", CASES, ids=NAMES)
 def test_a_case_says_what_it_lists_and_nothing_else(case: Case) -> None:
     found = judged(case, case.transcript).findings
     assert tuple(f"{one.verdict} {one.code}: {one.message}" for one in found) == case.findings
     assert all(one.hint for one in found if one.verdict is not Verdict.PASS)
 
 
-@pytest.mark.parametrize("case", CASES, ids=NAMES)
+@for_each_row("case", CASES, ids=NAMES)
 def test_byte_by_byte_the_same_is_found(case: Case) -> None:
     # Between two frames a piece of noise may count as several: the words name how many.
     def codes(transcript: Transcript) -> list[str]:
