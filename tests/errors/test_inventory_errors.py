@@ -4,6 +4,7 @@ from pathlib import Path
 
 import inventory_cases
 import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.declaration import InventoryInvalid, load, validate
 from atlantis_netcfg.declaration._schema import FALLBACK
@@ -25,7 +26,7 @@ def test_every_text_has_its_case() -> None:
     assert texts == {path.stem for path in inventory_cases.cases()}
 
 
-@pytest.mark.parametrize("path", sorted(inventory_cases.HERE.glob("*.txt")), ids=lambda path: path.stem)
+@for_each_row("path", sorted(inventory_cases.HERE.glob("*.txt")), ids=lambda path: path.stem)
 def test_in_a_technicians_words(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     foreign = ("hunter2", "pydantic", "Input should", "yaml.", "Error", "Traceback", "NoneType", "None", "__", FALLBACK)

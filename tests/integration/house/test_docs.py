@@ -14,6 +14,7 @@ import preforked
 import pytest
 from docs_console import Shown, shown
 from house_checkout import ROOT, clean_environment, shared_checkout, start
+from row_subtests import for_each_row
 
 from atlantis_netcfg.cli.help import MEANING
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
@@ -97,7 +98,7 @@ def test_what_a_page_shows_is_what_happens(page: Path, checkout: Own, server: in
         assert command.agrees(process.stdout), f"{report}\nshown:\n{command.output}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@for_each_row("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     links = re.findall(r"\]\((?!https?:)([^)#]+)(?:#[^)]*)?\)", page.read_text())
     assert [link for link in links if not (page.parent / link).exists()] == []

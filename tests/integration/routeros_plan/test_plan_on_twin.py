@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
+from row_subtests import for_each_row
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
@@ -181,7 +182,7 @@ def simple(case: dict[str, Any]) -> bool:
     return not {"also", "technician", "local"} & set(case)
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if simple(case)], ids=lambda case: case["name"])
+@for_each_row("case", [case for case in CASES if simple(case)], ids=lambda case: case["name"])
 def test_what_cuts_the_way_to_the_twin_was_objected_to(case: dict[str, Any]) -> None:
     bench = Bench(ManagementSpec(), seed=SEED, version=case.get("version", "7.18.2"))
     bench.say("/user/set", "=.id=provision", "=comment=atlantis: provisioner")

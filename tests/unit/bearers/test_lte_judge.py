@@ -3,8 +3,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
+from row_subtests import for_each_row
 
 from atlantis_netcfg.bearers.lte import LteReading, Registration
 from atlantis_netcfg.bearers.lte.judge import LteExpected, judge, link_state, quality
@@ -26,7 +26,7 @@ def ident(case: dict[str, Any]) -> str:
     return str(case["name"])
 
 
-@pytest.mark.parametrize("case", CASES, ids=ident)
+@for_each_row("case", CASES, ids=ident)
 def test_told(case: dict[str, Any]) -> None:
     found = judge(reading(case), wanted(case))
     assert [f"{one.verdict} {one.code}: {one.message}" for one in found] == case["findings"]

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import trees
 import yaml
+from row_subtests import for_each_row
 
 from atlantis_netcfg.bearers.lte import Registration
 from atlantis_netcfg.bearers.lte.routeros import IDENTITIES, log_query, modem_name, queries, read, redacted
@@ -18,7 +19,7 @@ def ident(case: dict[str, Any]) -> str:
     return str(case["name"])
 
 
-@pytest.mark.parametrize("case", CASES, ids=ident)
+@for_each_row("case", CASES, ids=ident)
 def test_read(case: dict[str, Any]) -> None:
     beside = (case.get(name) for name in ("interfaces", "profiles", "addresses", "log"))
     interfaces, profiles, addresses, log = beside
@@ -26,7 +27,7 @@ def test_read(case: dict[str, Any]) -> None:
     assert {name: getattr(found, name) for name in case["reading"]} == case["reading"]
 
 
-@pytest.mark.parametrize("case", CASES, ids=ident)
+@for_each_row("case", CASES, ids=ident)
 def test_identities_go_nowhere(case: dict[str, Any]) -> None:
     monitor = case["monitor"] or {}
     said = repr(read(monitor)) + repr(redacted(monitor))

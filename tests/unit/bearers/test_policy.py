@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer, active_bearers, probe_commands
 
@@ -48,7 +48,7 @@ CASES: dict[str, tuple[list[Row], str | None]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@for_each_row("case", CASES)
 def test_active(case: str) -> None:
     rows, expected = CASES[case]
     assert active_bearer(rows, BEARERS) == expected

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import trees
 import yaml
+from row_subtests import for_each_row
 
 from atlantis_netcfg.bearers.wifi import Family, WifiExpected, WifiReading, judge, link_state, quality, queries, read
 
@@ -39,7 +40,7 @@ def ident(case: dict[str, Any]) -> str:
     return str(case["name"])
 
 
-@pytest.mark.parametrize("case", CASES, ids=ident)
+@for_each_row("case", CASES, ids=ident)
 def test_read(case: dict[str, Any]) -> None:
     found = reading(case)
     assert {name: plain(getattr(found, name)) for name in case.get("reading", {})} == case.get("reading", {})
@@ -48,14 +49,14 @@ def test_read(case: dict[str, Any]) -> None:
         assert {name: plain(getattr(peer, name)) for name in case["peer"]} == case["peer"]
 
 
-@pytest.mark.parametrize("case", CASES, ids=ident)
+@for_each_row("case", CASES, ids=ident)
 def test_judged(case: dict[str, Any]) -> None:
     found = judge(reading(case), wanted(case))
     assert [f"{one.verdict} {one.code}: {one.message}" for one in found] == case["findings"]
     assert all(one.hint for one in found)
 
 
-@pytest.mark.parametrize("case", CASES, ids=ident)
+@for_each_row("case", CASES, ids=ident)
 def test_state_and_quality(case: dict[str, Any]) -> None:
     found = reading(case)
     assert link_state(found) == case["state"]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from pilot_commands import Table, done
+from row_subtests import for_each_row
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS
@@ -27,7 +28,7 @@ def offered(*typed: str) -> list[str]:
     return [value for value, _ in candidates(typed, COMMANDS)]
 
 
-@pytest.mark.parametrize(
+@for_each_row(
     ("typed", "expected"),
     [
         (["dri"], ["drift"]),

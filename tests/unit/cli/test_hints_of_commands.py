@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 from check_desk import RADIO, Sitting
 from hints_said import advised, said
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist._signing import written
 from atlantis_netcfg.cli import _checklist_session, _commands, _session, main
@@ -233,7 +234,7 @@ def _no_twins(*_: object) -> Iterator[object]:
 # --- stops ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", CHANGING)
+@for_each_row("name", CHANGING)
 def test_what_is_said_after_a_stop_is_no_resume_that_knows_of_nothing(name: str) -> None:
     """A command that is no run of the engine goes on when it is typed again; `resume` would refuse it."""
     command = _commands.load(name, COMMANDS).command

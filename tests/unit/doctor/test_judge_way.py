@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 from laptop_network import PLACE, Plug, lines, network, route
+from row_subtests import for_each_row
 
 from atlantis_netcfg.operations.doctor.network import IpPrints, NetworkUnreadable, facts_of, managed_of
 from atlantis_netcfg.operations.doctor.way import RouterAnswer, judge_ports, judge_router, judge_way, why_not_contacted
@@ -115,7 +116,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@for_each_row("name", CASES, ids=str)
 def test_everything_that_is_said(name: str) -> None:
     case = CASES[name]
     facts = network(*case.plugs, taken=case.taken, matching=case.matching, defaults=case.defaults)

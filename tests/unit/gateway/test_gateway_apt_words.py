@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_messages import (
     of_install,
@@ -28,7 +28,7 @@ def told(why: ModuleError | None) -> str:
     return "nothing is wrong\n" if why is None else f"{why.message}\n-> {why.hint}\n"
 
 
-@pytest.mark.parametrize("case", CASES, ids=[case.stem for case in CASES])
+@for_each_row("case", CASES, ids=[case.stem for case in CASES])
 def test_what_apt_says_is_told(case: Path) -> None:
     asked, _, rest = case.read_text().partition("\n")
     said, _, words = rest.partition("# in words\n")

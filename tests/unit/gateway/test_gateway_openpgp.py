@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.emulator.lab.stubs import publish
 from atlantis_netcfg.gateway.openpgp import NotAKey, PublicKey, binary, public_keys
@@ -69,7 +70,7 @@ def test_a_key_that_ends_anywhere_is_no_key_or_the_same_key(key: bytes) -> None:
         assert [one.fingerprint for one in cut] == [whole]
 
 
-@pytest.mark.parametrize("place", range(0, 220, 3))
+@for_each_row("place", range(0, 220, 3))
 def test_a_damaged_key_is_never_a_fault_of_ours(key: bytes, place: int) -> None:
     damaged = bytearray(key)
     damaged[place % len(key)] ^= 0xFF

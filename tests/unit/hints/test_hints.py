@@ -5,8 +5,8 @@ from __future__ import annotations
 import ast
 from collections import Counter
 
-import pytest
 from hints_said import CHECKOUT, Entry, Hint, _texts, hints, register, typing_tests, untypeable
+from row_subtests import for_each_row
 
 ENTRIES = register()
 NOT_TYPED = 0
@@ -27,7 +27,7 @@ def test_every_hint_of_the_source_is_in_the_register_and_no_other() -> None:
     assert sorted(set(registered) - found) == [], "these are said no more: take them out of tests/data/hints.tsv"
 
 
-@pytest.mark.parametrize("entry", [one for one in ENTRIES if "::" in one.test], ids=lambda one: one.hint.text[:60])
+@for_each_row("entry", [one for one in ENTRIES if "::" in one.test], ids=lambda one: one.hint.text[:60])
 def test_the_test_that_is_named_types_what_was_advised(entry: Entry) -> None:
     file, _, name = entry.test.partition("::")
     assert (CHECKOUT / file).is_file(), file
@@ -42,7 +42,7 @@ def test_what_is_not_typed_yet_has_a_reason_and_becomes_less() -> None:
     assert [entry.hint for entry in untyped if entry.hint.file in OF_RUNS] == []
 
 
-@pytest.mark.parametrize("entry", [one for one in ENTRIES if one.test != "no"], ids=lambda one: one.hint.text[:60])
+@for_each_row("entry", [one for one in ENTRIES if one.test != "no"], ids=lambda one: one.hint.text[:60])
 def test_every_command_of_a_hint_is_one_that_can_be_typed(entry: Entry) -> None:
     """Words and flags that the command has, and all that it needs; no `…` that nobody fills in."""
     assert untypeable(entry.hint) == []

@@ -5,6 +5,7 @@ from pathlib import Path
 import inventory_cases
 import pytest
 import yaml
+from row_subtests import for_each_row
 from schema_reader import files, problems, schema_of
 
 from atlantis_netcfg.declaration import json_schema
@@ -37,7 +38,7 @@ def test_the_shipped_schemas_are_those_of_the_model() -> None:
     assert shipped == json_schema.texts(), "write them: python -m atlantis_netcfg.declaration.json_schema"
 
 
-@pytest.mark.parametrize("path", files(SHIPPED), ids=lambda path: path.stem)
+@for_each_row("path", files(SHIPPED), ids=lambda path: path.stem)
 def test_a_shipped_file_names_its_schema_and_is_accepted(path: Path) -> None:
     schema = schema_of(path)
     assert schema is not None

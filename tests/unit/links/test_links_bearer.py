@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
+from row_subtests import for_each_row
 
 from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState
 from atlantis_netcfg.bearers.policy import BearerRoute
@@ -60,7 +61,7 @@ def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> S
     )
 
 
-@pytest.mark.parametrize("name", CASES)
+@for_each_row("name", CASES)
 def test_what_is_told(name: str) -> None:
     status = bearer_status(seen(CASES[name]))
     shown = {"state": status.state.value, "findings": [f"{one.verdict.value} {one.code}" for one in status.findings]}

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
+from row_subtests import for_each_row
 
 import atlantis_netcfg
 from atlantis_netcfg.bearers.lte import LteReading, Registration
@@ -51,7 +52,7 @@ def modem(**said: Any) -> Iterator[RunningModem]:  # noqa: ANN401 (fields of Mod
             assert running.forbidden == []
 
 
-@pytest.mark.parametrize("case", DATA["cases"], ids=lambda case: str(case["why"])[:60])
+@for_each_row("case", DATA["cases"], ids=lambda case: str(case["why"])[:60])
 def test_readings(case: dict[str, Any]) -> None:
     spec = dict(case["modem"])
     if "noise" in spec:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros.packages import Installed, Npk, RouterOsPackage, Upgrade, UpgradeRefused, plan
@@ -96,7 +97,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@for_each_row("name", CASES)
 def test_case(name: str) -> None:
     case = CASES[name]
     if case.says:

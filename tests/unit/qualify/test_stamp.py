@@ -10,6 +10,7 @@ import pytest
 from cryptography.hazmat.primitives import hashes, hmac
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from row_subtests import for_each_row
 
 import atlantis_netcfg.qualify.reflector as package
 from atlantis_netcfg.qualify.reflector.stamp import (
@@ -124,7 +125,7 @@ def test_a_message_moved_to_another_packet_is_refused() -> None:
         decode_sender(second + first[AUTHENTICATED_SIZE:], KEY)
 
 
-@pytest.mark.parametrize("length", range(AUTHENTICATED_SIZE))
+@for_each_row("length", range(AUTHENTICATED_SIZE))
 def test_a_packet_that_is_cut_off_is_no_packet(length: int) -> None:
     with pytest.raises(BadPacket):
         decode_sender(SenderPacket(1, TIME, 1).encode(KEY)[:length], KEY)

@@ -11,6 +11,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from render_declared import SITES, declaration, with_site
 from render_walk import Packet, Walk
+from row_subtests import for_each_row
 from test_render_text import parsed
 
 from atlantis_netcfg.declaration.model import AllowedTarget, BearerKind, Router
@@ -186,9 +187,9 @@ def test_nothing_is_fasttracked(site: str) -> None:
     assert actions <= {"accept", "drop", "jump", "return", "log"}
 
 
-@pytest.mark.parametrize("site", SITES)
-@pytest.mark.parametrize(("protocol", "port"), [("tcp", 8729), ("tcp", 22), ("icmp", 0)])
-@pytest.mark.parametrize("state", STATES)
+@for_each_row("site", SITES)
+@for_each_row(("protocol", "port"), [("tcp", 8729), ("tcp", 22), ("icmp", 0)])
+@for_each_row("state", STATES)
 def test_technician_reaches_the_router_and_is_answered(site: str, protocol: str, port: int, state: str) -> None:
     management = DECLARED.sites[site].management
     device = DECLARED.router(site).device
@@ -249,9 +250,9 @@ def test_an_engineer_behind_the_vpn_reaches_the_router(site: str) -> None:
     assert WALKS[site].accepts("input", packet)
 
 
-@pytest.mark.parametrize("site", SITES)
-@pytest.mark.parametrize("partner", PARTNERS)
-@pytest.mark.parametrize("arrives", INTERFACES)
+@for_each_row("site", SITES)
+@for_each_row("partner", PARTNERS)
+@for_each_row("arrives", INTERFACES)
 def test_partners_do_not_reach_the_routers_services(site: str, partner: str, arrives: str) -> None:
     for local in (str(DECLARED.sites[site].lan.gateway), str(DECLARED.sites[site].management.network[1])):
         for protocol, port in (("tcp", 22), ("tcp", 8729), ("tcp", 53), ("udp", 53), ("udp", 67), ("icmp", 0)):
@@ -269,9 +270,9 @@ def test_partners_reach_neither_the_world_nor_the_management_network(site: str, 
         assert not WALKS[site].accepts("forward", Packet(partner, technician, arrives, "ether8", "tcp", 22))
 
 
-@pytest.mark.parametrize("site", SITES)
-@pytest.mark.parametrize("arrives", INTERFACES)
-@pytest.mark.parametrize("port", [21, 23, 53, 80, 443, 2000, 8291, 8728])
+@for_each_row("site", SITES)
+@for_each_row("arrives", INTERFACES)
+@for_each_row("port", [21, 23, 53, 80, 443, 2000, 8291, 8728])
 def test_what_nobody_declared_is_dropped(site: str, arrives: str, port: int) -> None:
     for chain in ("input", "forward"):
         decided = WALKS[site].verdict(chain, Packet("192.0.2.77", "10.64.1.1", arrives, "ether4", "tcp", port))

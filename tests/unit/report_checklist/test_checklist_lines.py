@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import checklist_example as made
 import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.report import Document, LeftOut, Row, ending, lines
 from atlantis_netcfg.checklist.report._shapes import ASCII, state
@@ -79,8 +80,8 @@ ENDS: dict[str, Callable[[], Document]] = {
 }
 
 
-@pytest.mark.parametrize("room", [5, 6, 8])
-@pytest.mark.parametrize("name", ENDS)
+@for_each_row("room", [5, 6, 8])
+@for_each_row("name", ENDS)
 def test_the_end_fits_and_tells_the_worst(name: str, room: int) -> None:
     document = ENDS[name]()
     told = ends(document, room)

@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.routeros.desired import Mistake, from_export, read
@@ -108,7 +109,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("text", MISTAKES)
+@for_each_row("text", MISTAKES)
 def test_mistakes_name_the_line_and_what_to_write(text: str) -> None:
     with pytest.raises(Mistake) as caught:
         read(text, "x.rsc")

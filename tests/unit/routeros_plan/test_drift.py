@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import yaml
 from plan_world import POLICIES, observed
+from row_subtests import for_each_row
 
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import snapshot
@@ -31,7 +32,7 @@ def compared(case: dict[str, Any]) -> Comparison:
     return compare(desired, device, plan("r", desired, device), past, DriftHistory(case.get("history", ())))
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+@for_each_row("case", CASES, ids=lambda case: case["name"])
 def test_case(case: dict[str, Any]) -> None:
     found = compared(case)
     assert drift_lines(found.as_dict()) == case.get("told", ""), drift_lines(found.as_dict())

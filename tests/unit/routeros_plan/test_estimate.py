@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from plan_world import observed
+from row_subtests import for_each_row
 
 from atlantis_netcfg.routeros import estimate as module
 from atlantis_netcfg.routeros._types import Observed, Plan
@@ -110,7 +111,7 @@ def test_scripts_beyond_their_limit_are_cut() -> None:
     assert estimate(long, LAN).round_trips == estimate(pools(1), LAN).round_trips + 2
 
 
-@pytest.mark.parametrize("path", MENUS)
+@for_each_row("path", MENUS)
 def test_questions_have_the_size_of_real_sentences(path: str) -> None:
     words = printing(path).words()
     assert abs(module._question(path) - len(encode((words[0], ".tag=1234", *words[1:])))) <= 6

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import yaml
 from plan_world import facts, observed, rows
+from row_subtests import for_each_row
 
 from atlantis_netcfg.routeros import guard
 from atlantis_netcfg.routeros._types import Observed
@@ -29,7 +30,7 @@ def device(case: dict[str, Any]) -> Observed:
     return Observed(facts(case.get("version", "7.18.2")), both | {menu: also[menu] for menu in also if menu == instead})
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+@for_each_row("case", CASES, ids=lambda case: case["name"])
 def test_case(case: dict[str, Any]) -> None:
     path = ManagementPath(case.get("technician", "10.64.101.10"), case.get("local", "10.64.101.1"))
     there = device(case)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.emulator.routeros.menus import MODELLED
@@ -74,8 +75,8 @@ def test_every_menu_in_use_has_a_row_and_no_other() -> None:
     assert set(MENUS) == set(IN_USE.split())
 
 
-@pytest.mark.parametrize("version", ["7.16", "7.18.2", "7.21.5"])
-@pytest.mark.parametrize("path", MENUS)
+@for_each_row("version", ["7.16", "7.18.2", "7.21.5"])
+@for_each_row("path", MENUS)
 def test_arguments_are_those_of_the_command_tree(path: str, version: str) -> None:
     menu = MENUS[path]
     known = arguments(version, path, "add" if menu.shape is Shape.LIST else "set")
@@ -83,7 +84,7 @@ def test_arguments_are_those_of_the_command_tree(path: str, version: str) -> Non
     assert ours - known == HOLES.get(path, set()) | (LEFT.get(path, set()) if version == "7.21.5" else set())
 
 
-@pytest.mark.parametrize("path", MENUS)
+@for_each_row("path", MENUS)
 def test_first_match_and_identified_menus_know_every_argument(path: str) -> None:
     menu = MENUS[path]
     known = arguments("7.21.5", path, "set") - {"numbers"}
@@ -98,7 +99,7 @@ def test_first_match_and_identified_menus_know_every_argument(path: str) -> None
         assert missing - {"dynamic"} == expected.get(path, set())
 
 
-@pytest.mark.parametrize("path", MENUS)
+@for_each_row("path", MENUS)
 def test_what_the_emulated_router_says_of_its_own_agrees_with_the_schema(path: str) -> None:
     """It takes names and defaults from the schema; where it says more of an argument, its default is the same."""
     twin = MODELLED[path].by_name
@@ -110,7 +111,7 @@ def test_what_the_emulated_router_says_of_its_own_agrees_with_the_schema(path: s
     assert {name for name, (ours, theirs) in compared.items() if ours != theirs} == set()
 
 
-@pytest.mark.parametrize("path", MENUS)
+@for_each_row("path", MENUS)
 def test_shape_is_that_of_the_command_tree(path: str) -> None:
     settable = arguments("7.18.2", path, "set")
     has_add = bool(arguments("7.18.2", path, "add")) and path not in RADIOS
@@ -118,7 +119,7 @@ def test_shape_is_that_of_the_command_tree(path: str) -> None:
     assert MENUS[path].shape is shape
 
 
-@pytest.mark.parametrize("path", MENUS)
+@for_each_row("path", MENUS)
 def test_row_of_the_table_is_consistent(path: str) -> None:
     menu = MENUS[path]
     names = [field.name for field in menu.fields]

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import yaml
 from plan_world import lines, observed
+from row_subtests import for_each_row
 
 from atlantis_netcfg.routeros._types import Layer, Observed, Plan, RowOwner, Verb
 from atlantis_netcfg.routeros.desired import from_export, read
@@ -18,7 +19,7 @@ def converges(desired_text: str, device: Observed, planned: Plan) -> bool:
     return plan("r", read(desired_text), Observed(device.facts, simulate(device.rows, planned))).actions == ()
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+@for_each_row("case", CASES, ids=lambda case: case["name"])
 def test_case(case: dict[str, Any]) -> None:
     device = observed(case["device"])
     desired = read(case["desired"], "x.rsc")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from plan_world import facts, lines, observed, rows
+from row_subtests import for_each_row
 
 from atlantis_netcfg.bootstrap import run
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
@@ -49,7 +50,7 @@ def test_a_menu_that_a_version_lacks_is_refused_with_a_hint(path: str) -> None:
     assert f"put RouterOS {since} or later on it: `provision upgrade" in refused.hint
 
 
-@pytest.mark.parametrize(("path", "name"), FIELDS)
+@for_each_row(("path", "name"), FIELDS)
 def test_an_argument_that_a_version_lacks_is_refused_with_a_hint(path: str, name: str) -> None:
     field = MENUS[path].by_name[name]
     if field.since is None:

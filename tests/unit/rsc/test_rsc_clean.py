@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from row_subtests import for_each_row
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -73,7 +74,7 @@ MADE_UP = {
 EXPORTS = sorted(path for folder in FOLDERS for path in (TESTS / folder).rglob("*.rsc"))
 
 
-@pytest.mark.parametrize("path", EXPORTS, ids=lambda path: path.relative_to(TESTS).as_posix())
+@for_each_row("path", EXPORTS, ids=lambda path: path.relative_to(TESTS).as_posix())
 def test_an_export_is_about_nobody(path: Path) -> None:
     found = set(objections(path.read_bytes().decode("utf-8", "surrogateescape")))
     assert found == MADE_UP.get(path.relative_to(TESTS).as_posix(), set())

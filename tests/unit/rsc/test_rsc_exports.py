@@ -9,6 +9,7 @@ import pytest
 from export_tokens import told
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from row_subtests import for_each_row
 from rsc_strategies import exports
 
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec
@@ -64,7 +65,7 @@ def lasting(comments: list[str]) -> list[str]:
     return [comment for comment in comments if not is_volatile(comment)]
 
 
-@pytest.mark.parametrize("name", texts())
+@for_each_row("name", texts())
 def test_nothing_is_lost(name: str) -> None:
     text = texts()[name]
     before, after = told(text), told(print_export(parse(text)))
@@ -74,7 +75,7 @@ def test_nothing_is_lost(name: str) -> None:
     assert before.rows
 
 
-@pytest.mark.parametrize("name", texts())
+@for_each_row("name", texts())
 def test_only_comments_on_the_state_of_the_moment_can_be_dropped(name: str) -> None:
     text = texts()[name]
     before, after = told(text), told(print_export(drop_volatile(parse(text))))
@@ -83,7 +84,7 @@ def test_only_comments_on_the_state_of_the_moment_can_be_dropped(name: str) -> N
     assert after.comments == header + lasting(before.comments[len(header) :])
 
 
-@pytest.mark.parametrize("name", texts())
+@for_each_row("name", texts())
 def test_what_was_printed_is_read_as_the_same_and_printed_as_the_same(name: str) -> None:
     export = parse(texts()[name])
     printed = print_export(export)

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from row_subtests import for_each_row
 from rsc_strategies import exports, statements
 
 from atlantis_netcfg import rsc
@@ -51,7 +52,7 @@ def test_line_ends_byte_order_mark_and_last_line_end_do_not_matter(path: Path) -
     assert parse(text.rstrip("\n")) == parse(text)
 
 
-@pytest.mark.parametrize("path", WRONG_TEXTS, ids=names)
+@for_each_row("path", WRONG_TEXTS, ids=names)
 def test_every_mistake_is_explained_at_its_place(path: Path) -> None:
     with pytest.raises(RscError) as caught:
         parse(read(path), source=path.name)

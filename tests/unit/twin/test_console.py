@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import pytest
+from row_subtests import for_each_row
 from twin_bench import make
 
 
@@ -78,7 +78,7 @@ PUT = [
 ]
 
 
-@pytest.mark.parametrize(("text", "printed"), PUT)
+@for_each_row(("text", "printed"), PUT)
 def test_put(text: str, printed: str) -> None:
     router = make()
     assert router.script(text) == printed
@@ -139,7 +139,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("text", "words"), REFUSED)
+@for_each_row(("text", "words"), REFUSED)
 def test_refused(text: str, words: str) -> None:
     router = make()
     before = router.text()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import pytest
+from row_subtests import for_each_row
 from twin_bench import make
 
 from atlantis_netcfg.emulator.routeros.boot import SYSTEM
@@ -133,7 +133,7 @@ CASES: list[tuple[str, str, str | None]] = [
 """Version, lines, and the words of the refusal."""
 
 
-@pytest.mark.parametrize(("version", "lines", "words"), CASES, ids=[f"{case[0]} {case[1][:70]}" for case in CASES])
+@for_each_row(("version", "lines", "words"), CASES, ids=[f"{case[0]} {case[1][:70]}" for case in CASES])
 def test_lines_of_exports(version: str, lines: str, words: str | None) -> None:
     router = make(version=version, packages=("routeros", "wifi-qcom"), radios=(Radio(name="wifi1"),))
     error = run_file(router.device.core, SYSTEM, lines).error

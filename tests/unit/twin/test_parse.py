@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from row_subtests import for_each_row
 from twin_bench import make
 
 from atlantis_netcfg.rsc import in_quotes
@@ -39,14 +40,14 @@ def parse(version: str, text: str) -> str:
     return make(version=version, poe_ports=()).script(f":put [:parse {in_quotes(text)}]")
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("text", ACCEPTED)
+@for_each_row("version", VERSIONS)
+@for_each_row("text", ACCEPTED)
 def test_what_is_accepted_is_repeated(text: str, version: str) -> None:
     assert parse(version, text) == ACCEPTED[text]
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("text", NO_COMMAND)
+@for_each_row("version", VERSIONS)
+@for_each_row("text", NO_COMMAND)
 def test_commands_that_are_not_there(text: str, version: str) -> None:
     assert parse(version, text) == NO_COMMAND[text]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from row_subtests import for_each_row
 from twin_bench import make
 
 ACCEPT = "/ip firewall filter add chain=input connection-state=established,related"
@@ -74,7 +75,7 @@ OPEN = {
 }
 
 
-@pytest.mark.parametrize("script", SHUT.values(), ids=SHUT.keys())
+@for_each_row("script", SHUT.values(), ids=SHUT.keys())
 def test_shut_out(script: str) -> None:
     router = make()
     assert router.reaches()

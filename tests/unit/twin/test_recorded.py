@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pytest
+from row_subtests import for_each_row
 from twin_bench import Bench, make, row
 
 from atlantis_netcfg.emulator.routeros.spec import ManagementSpec, User
 from atlantis_netcfg.emulator.routeros.values import Address, Time, interval, seconds
 from atlantis_netcfg.routeros.menus._values import PropertyKind, canonical
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from row_subtests import Test
 
 FILE = Path(__file__).parents[2] / "data" / "recorded" / "cases.jsonl"
 DOORS = frozenset({"address", "api", "execute", "fields", "inspect", "listen", "parse", "time"})
@@ -20,11 +25,10 @@ ALL = [json.loads(line) for line in FILE.read_text(encoding="utf-8").splitlines(
 CASES = [case for case in ALL if case["door"] in DOORS]
 
 
-def through(*doors: str) -> pytest.MarkDecorator:
+def through(*doors: str) -> Callable[[Test], Test]:
     """Run a test for every case of these doors."""
     chosen = [case for case in CASES if case["door"] in doors]
-    names = [f"{case['door']} {case['version']} {case['input'][:60]}" for case in chosen]
-    return pytest.mark.parametrize("case", chosen, ids=names)
+    return for_each_row("case", chosen, ids=lambda case: f"{case['door']} {case['version']} {case['input'][:60]}")
 
 
 def chr_(version: str) -> Bench:

@@ -7,6 +7,7 @@ import re
 from importlib import resources
 
 import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, MODELLED, Shape
 from atlantis_netcfg.emulator.routeros.schema import TREES, Schema, features_of, offered, version_key
@@ -103,7 +104,7 @@ def test_what_went(last: str, first: str, menu: str, command: str, argument: str
         assert argument in old.arguments(menu, command) - new.arguments(menu, command)
 
 
-@pytest.mark.parametrize(
+@for_each_row(
     ("last_without", "first_with", "menu", "command", "argument"),
     [
         ("7.10.2", "7.11.3", "/tool/netwatch", "add", "src-address"),
@@ -169,7 +170,7 @@ def test_boards_and_packages() -> None:
     assert features_of("RB5009UPr+S+", poe=True) == EVERYTHING
 
 
-@pytest.mark.parametrize("menu", MODELLED.values(), ids=MODELLED.keys())
+@for_each_row("menu", MODELLED.values(), ids=MODELLED.keys())
 def test_every_row_of_the_table_is_in_a_tree(menu: object) -> None:
     known: set[str] = {"name"} if menu.path == "/ip/service" else set()  # type: ignore[attr-defined]
     for version in TREES:
@@ -181,7 +182,7 @@ def test_every_row_of_the_table_is_in_a_tree(menu: object) -> None:
     assert not {name for name in odd if not name.startswith(tuple(shared))}
 
 
-@pytest.mark.parametrize("path", MODELLED)
+@for_each_row("path", MODELLED)
 def test_shapes_are_those_of_the_tree(path: str) -> None:
     schema = Schema("7.21.5", ("routeros", "wireless"), EVERYTHING)
     if "add" in schema.commands(path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from row_subtests import for_each_row
 
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
@@ -110,7 +111,7 @@ GOOD: list[tuple[ValueType, str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "text", "printed"), GOOD)
+@for_each_row(("kind", "text", "printed"), GOOD)
 def test_normalised(kind: ValueType, text: str, printed: str) -> None:
     stored = kind.parse(text, NAMES)
     assert spell(stored, NAMES) == printed
@@ -166,7 +167,7 @@ BAD: list[tuple[ValueType, str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "text", "words"), BAD)
+@for_each_row(("kind", "text", "words"), BAD)
 def test_refused(kind: ValueType, text: str, words: str) -> None:
     with pytest.raises(BadValue) as refusal:
         kind.parse(text, NAMES)

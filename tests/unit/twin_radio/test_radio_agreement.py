@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.emulator.routeros.radio import Driver, RadioSettings, why_not
@@ -100,7 +101,7 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@for_each_row("case", CASES)
 def test_agreement(case: str) -> None:
     ap, station, air, expected = CASES[case]
     one, other, between = replace(AP, **ap), replace(STATION, **station), Air(**air)

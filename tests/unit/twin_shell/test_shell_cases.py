@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
+from row_subtests import for_each_row
 from shell_bench import Bench
 
 CASES: dict[str, dict[str, Any]] = {
@@ -23,8 +23,8 @@ def played(case: dict[str, Any], *, cut: bool) -> list[str]:
     return [terminal.shown(), *(terminal.type(step["type"], cut=cut) for step in case["steps"])]
 
 
-@pytest.mark.parametrize("cut", [False, True], ids=["whole", "byte by byte"])
-@pytest.mark.parametrize("name", CASES)
+@for_each_row("cut", [False, True], ids=["whole", "byte by byte"])
+@for_each_row("name", CASES)
 def test_case(name: str, cut: bool) -> None:  # noqa: FBT001 (a parameter of the test)
     case = CASES[name]
     greeting, *shown = played(case, cut=cut)

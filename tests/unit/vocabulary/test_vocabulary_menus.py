@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import pytest
 from holes import SINCE_ABSENT, known
+from row_subtests import for_each_row
 from trees import EVERY_TREE, TREES, VERSIONS, Tree, offered
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
@@ -44,7 +44,7 @@ def history(path: str, name: str) -> Span | None:
     return span([name in tree.settable(path) for _, tree in FIRST_VERSIONS])
 
 
-@pytest.mark.parametrize(("path", "name"), CELLS)
+@for_each_row(("path", "name"), CELLS)
 def test_a_field_comes_and_goes_when_the_trees_say(path: str, name: str) -> None:
     field, found = MENUS[path].by_name[name], history(path, name)
     if found is None:
@@ -67,7 +67,7 @@ def test_a_field_comes_and_goes_when_the_trees_say(path: str, name: str) -> None
         assert after < field.gone <= until
 
 
-@pytest.mark.parametrize("path", MENUS)
+@for_each_row("path", MENUS)
 def test_a_menu_comes_when_the_trees_say(path: str) -> None:
     menu, there = MENUS[path], [tree.has_menu(path) for tree in EVERY_TREE]
     assert all(there) or menu.since is not None
@@ -79,8 +79,8 @@ RADIOS = ("/interface/wifi", "/interface/wireless")
 """The trees call these lists, because they also take virtual access points; to us they are the radios of the board."""
 
 
-@pytest.mark.parametrize("path", MENUS)
-@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+@for_each_row("path", MENUS)
+@for_each_row("tree", TREES, ids=VERSIONS)
 def test_shapes_are_those_of_the_trees(path: str, tree: Tree) -> None:
     menu = MENUS[path]
     if menu.readonly:
@@ -152,7 +152,7 @@ def test_countries_and_protocols_that_the_console_offers_are_taken() -> None:
                 assert words(path, arg.name) <= ours, (path, arg.name)
 
 
-@pytest.mark.parametrize("path", MENUS)
+@for_each_row("path", MENUS)
 def test_defaults_of_enumerations_are_words_of_the_console(path: str) -> None:
     twin = MODELLED[path].by_name if path in MODELLED else {}
     for field in MENUS[path].fields:
@@ -160,7 +160,7 @@ def test_defaults_of_enumerations_are_words_of_the_console(path: str) -> None:
             assert set(field.default.split(",")) <= words(path, field.name), field.name
 
 
-@pytest.mark.parametrize("path", MENUS)
+@for_each_row("path", MENUS)
 def test_booleans_are_what_the_console_offers_yes_and_no_for(path: str) -> None:
     for field in MENUS[path].fields:
         if words(path, field.name) == {"yes", "no"}:
@@ -188,7 +188,7 @@ EVERY_VERSION = (
 )
 
 
-@pytest.mark.parametrize("version", EVERY_VERSION)
+@for_each_row("version", EVERY_VERSION)
 def test_the_engine_takes_no_version_for_newer_than_the_twin_does(version: str) -> None:
     """Between and below the trees the two tables are kept apart; what the engine believes in, the twin must have."""
     schema = Schema(version, ("routeros", "wireless"), BOARD_FEATURES)

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import pytest
 from holes import HOLES, SINCE_ABSENT, Hole
+from row_subtests import for_each_row
 from spoken import lines, sentence, tokens
 from trees import PUBLISHED, ROOT, SHIPPED, TREES, VERSIONS, WHOLE, Tree, apply, grown, offered, steps
 
@@ -69,8 +70,8 @@ def test_the_values_belong_to_commands_of_the_newest_tree() -> None:
     assert len(strays) < len(offered()) // 100
 
 
-@pytest.mark.parametrize("hole", HOLES, ids=lambda hole: f"{hole.menu} {hole.command} {hole.argument}".strip())
-@pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
+@for_each_row("hole", HOLES, ids=lambda hole: f"{hole.menu} {hole.command} {hole.argument}".strip())
+@for_each_row("tree", TREES, ids=VERSIONS)
 def test_a_hole_is_a_hole(hole: Hole, tree: Tree) -> None:
     if hole.argument:
         assert tree.has_command(hole.menu, hole.command)

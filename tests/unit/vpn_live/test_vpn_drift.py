@@ -9,6 +9,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+from row_subtests import for_each_row
 
 from atlantis_netcfg.gateway.parts import File
 from atlantis_netcfg.operations.vpn import live
@@ -122,7 +123,7 @@ CASES: dict[str, tuple[dict[str, Any], str | None]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case).replace(" ", "-"))
+@for_each_row("case", CASES, ids=lambda case: str(case).replace(" ", "-"))
 def test_drift_is_told_in_words(case: str) -> None:
     other, words = CASES[case]
     assert drift(replace(SOUND, **other), WANTED, ROLL) == ((words,) if words is not None else ())
@@ -176,10 +177,8 @@ def test_what_an_answer_lacks_is_the_servers_fault(lacks: str) -> None:
         observe(told)
 
 
-@pytest.mark.parametrize(
-    "kind", ["x", 7, -1e300, [7], [{}], {"seen": {"a": {"last": 1e300}}}, True, ["::1/128"]], ids=ascii
-)
-@pytest.mark.parametrize("name", LOOKED)
+@for_each_row("kind", ["x", 7, -1e300, [7], [{}], {"seen": {"a": {"last": 1e300}}}, True, ["::1/128"]], ids=ascii)
+@for_each_row("name", LOOKED)
 def test_an_answer_of_another_kind_is_told_in_words(name: str, kind: Any) -> None:  # noqa: ANN401 - JSON
     """Or is taken for text, and judged."""
     with suppress(AnswerLost):

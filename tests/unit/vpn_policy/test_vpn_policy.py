@@ -5,6 +5,7 @@ from ipaddress import IPv4Address, IPv4Network
 
 import pytest
 from policy_pilots import CENTRE, GATEWAY, MEMBERS, MINE, ROUTER, TIME, member, membership, pilot
+from row_subtests import for_each_row
 
 from atlantis_netcfg.declaration.model import Dds, DdsPath, RosDistribution
 from atlantis_netcfg.vpn.identity import MemberKind
@@ -88,8 +89,8 @@ def test_table(matrix: Policy, source: str) -> None:
 BEGUN = (SSH, Flow(Protocol.TCP, 445), Flow(Protocol.TCP, 8729), Flow(Protocol.TCP, 8443), Flow(Protocol.UDP, 161))
 
 
-@pytest.mark.parametrize("robot", ["10.64.1.22", "10.64.1.23", "10.64.1.150", "10.64.2.26", "10.64.0.77"])
-@pytest.mark.parametrize("there", ["10.64.0.1", "10.64.0.11", "10.64.2.1", "10.64.2.10", "10.64.1.1", "10.64.1.10"])
+@for_each_row("robot", ["10.64.1.22", "10.64.1.23", "10.64.1.150", "10.64.2.26", "10.64.0.77"])
+@for_each_row("there", ["10.64.0.1", "10.64.0.11", "10.64.2.1", "10.64.2.10", "10.64.1.1", "10.64.1.10"])
 def test_a_robot_in_a_lan_opens_nothing_at_another_site(matrix: Policy, robot: str, there: str) -> None:
     """As by a partner's, plugged in on the quay: SSH, SMB, the routers' API."""
     members = (*MEMBERS, member("te4sea-router", "10.80.0.31"))

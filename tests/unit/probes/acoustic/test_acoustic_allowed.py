@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Consent, Listen, Place, Say
 from atlantis_netcfg.checklist.probes import registry as allowed_messages
@@ -43,7 +44,7 @@ def test_a_query_passes(query: str) -> None:
     assert allowed_messages.refused(said(f"+++{query}\n".encode()), active=False) is None
 
 
-@pytest.mark.parametrize("command", DENIED)
+@for_each_row("command", DENIED)
 def test_what_does_more_does_not(command: str) -> None:
     with pytest.raises(NeverSaid):
         ask_at(command, b"")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 from acoustic_talk import Twin, bytewise, hear, told, twin_of
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Cell, Listen, Probe, Transcript, acoustic, registry, usbl
 from atlantis_netcfg.checklist.report import ItemKind
@@ -57,7 +58,7 @@ def _bytes(value: str | list[str]) -> bytes | list[bytes]:
     return [one.encode("latin-1") for one in value] if isinstance(value, list) else value.encode("latin-1")
 
 
-@pytest.mark.parametrize("case", CASES, ids=[f"{case['item']}: {case['case']}" for case in CASES])
+@for_each_row("case", CASES, ids=[f"{case['item']}: {case['case']}" for case in CASES])
 def test_what_is_found(declaration: Declaration, case: dict[str, Any]) -> None:
     step = the_step(declaration, case["item"])
     assert step.probe is not None

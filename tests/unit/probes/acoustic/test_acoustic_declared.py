@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from acoustic_talk import hear, talk, told, twin_of
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Transcript, Trouble, acoustic, usbl
 from atlantis_netcfg.checklist.probes.acoustic import seatrac
@@ -75,8 +76,8 @@ SAID_OF_NOTHING = {
 }
 
 
-@pytest.mark.parametrize("met", [*Trouble, None], ids=lambda met: str(met or "nothing said"))
-@pytest.mark.parametrize(("column", "step"), [("acoustic", 0), ("acoustic", 1), ("usbl", 0)])
+@for_each_row("met", [*Trouble, None], ids=lambda met: str(met or "nothing said"))
+@for_each_row(("column", "step"), [("acoustic", 0), ("acoustic", 1), ("usbl", 0)])
 def test_a_modem_that_tells_nothing(shipped: Declaration, met: Trouble | None, column: str, step: int) -> None:
     probe = at(shipped, "sparus", column)[step].probe
     assert probe is not None

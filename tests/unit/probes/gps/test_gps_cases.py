@@ -11,6 +11,7 @@ import pytest
 import yaml
 from gps_cases import CASES, Case
 from gps_said import WANTED, bytewise, epoch, fixes, gpsd, heard, nmea, tpv
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Listen, Place
 from atlantis_netcfg.checklist.probes.gps import StreamGps
@@ -38,7 +39,7 @@ def told(findings: tuple[BearerFinding, ...]) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in findings]
 
 
-@pytest.mark.parametrize("name", CASES)
+@for_each_row("name", CASES, ids=str)
 def test_a_case_says_what_it_lists_and_nothing_else(name: str) -> None:
     case = CASES[name]
     found = judged(case, case.transcript).findings
@@ -46,13 +47,13 @@ def test_a_case_says_what_it_lists_and_nothing_else(name: str) -> None:
     assert all(one.hint for one in found if one.verdict is not Verdict.PASS)
 
 
-@pytest.mark.parametrize("name", CASES)
+@for_each_row("name", CASES, ids=str)
 def test_byte_by_byte_is_the_same(name: str) -> None:
     case = CASES[name]
     assert judged(case, bytewise(case.transcript)) == judged(case, case.transcript)
 
 
-@pytest.mark.parametrize("name", CASES)
+@for_each_row("name", CASES, ids=str)
 def test_in_one_piece_the_same_is_read(name: str) -> None:
     case = CASES[name]
     reader = gpsd_reader if case.driver.value == "gpsd" else nmea_reader

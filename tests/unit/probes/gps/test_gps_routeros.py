@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 import trees
 from gps_said import FENCE
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import RouterOsQuery, Rows, Trouble
 from atlantis_netcfg.checklist.probes.gps import (
@@ -170,7 +171,7 @@ CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@for_each_row("case", CASES)
 def test_judged(case: str) -> None:
     row, expected = CASES[case]
     assert told(judged(row)) == expected

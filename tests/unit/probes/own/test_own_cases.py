@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pytest
 import yaml
 from own_broken import BROKEN
 from own_world import SITE, World, declaration, own_steps
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Cell, site_checks
 from atlantis_netcfg.checklist.probes.site_checks import NAMES, steps
@@ -39,7 +39,7 @@ OF_A_MEASURED_LINK = {
 """Of links that were measured: test_own_link_qualified.py."""
 
 
-@pytest.mark.parametrize("name", list(BROKEN))
+@for_each_row("name", list(BROKEN))
 def test_exactly_what_is_broken_is_told(name: str) -> None:
     assert BROKEN[name]().findings() == {**LISTED["healthy"], **LISTED[name]}
 

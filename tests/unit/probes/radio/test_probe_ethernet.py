@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 import trees
 from radio_cases import NOBODY, Case, check, codes, listed, pings, printed, way
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
@@ -157,7 +158,7 @@ def probe(case: Case) -> CabledProbe:
     return CabledProbe(name="ECA ROV", place=Place.GATEWAY, endpoint=endpoint, **made)
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@for_each_row("case", CASES, ids=str)
 def test_judged(case: Case) -> None:
     check(case, LISTED, probe(case), HEALTHY)
 

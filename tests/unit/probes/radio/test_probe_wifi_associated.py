@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import pytest
 from radio_cases import (
     BSSID,
     NOBODY,
@@ -17,6 +16,7 @@ from radio_cases import (
     stations,
     way,
 )
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, read_link, read_station
@@ -119,7 +119,7 @@ def probe(case: Case) -> AssociatedProbe:
     return AssociatedProbe("Sparus", Place.GATEWAY, WifiEndpoint.model_validate(declared), **made)
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@for_each_row("case", CASES, ids=str)
 def test_judged(case: Case) -> None:
     check(case, LISTED, probe(case), HEALTHY)
 

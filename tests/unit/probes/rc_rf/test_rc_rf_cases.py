@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 from rc_cases import CASES, Case
 from rc_said import ARMED, UNUSED, WANTED, Says, bytewise, heard
+from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Listen, Place, Transcript
 from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved
@@ -31,7 +32,7 @@ def judged(case: Case, transcript: Transcript) -> Judged:
     return SticksMoved(wanted, Place.GATEWAY).judge({"sticks": transcript})
 
 
-@pytest.mark.parametrize("name", CASES)
+@for_each_row("name", CASES, ids=str)
 def test_a_case_says_what_it_lists_and_nothing_else(name: str) -> None:
     case = CASES[name]
     found = judged(case, case.transcript).findings
@@ -39,7 +40,7 @@ def test_a_case_says_what_it_lists_and_nothing_else(name: str) -> None:
     assert all(one.hint for one in found if one.verdict is not Verdict.PASS)
 
 
-@pytest.mark.parametrize("name", CASES)
+@for_each_row("name", CASES, ids=str)
 def test_byte_by_byte_the_same_is_found(name: str) -> None:
     case = CASES[name]
 
