@@ -71,11 +71,8 @@ def test_the_gap_and_the_fat_partition_are_kept(image: Path, tmp_path: Path) -> 
 def test_twice_is_as_once(image: Path) -> None:
     customise(image, N2, WISH)
     paths = [
-        "/etc/hosts",
-        "/etc/shadow",
-        "/etc/ssh/sshd_config",
-        "/etc/netplan/10-atlantis.yaml",
-        "/etc/atlantis/image.json",
+        *("/etc/hosts", "/etc/shadow", "/etc/ssh/sshd_config"),
+        *("/etc/netplan/10-atlantis.yaml", "/etc/atlantis/image.json"),
     ]
     once = [cat(image, path) for path in paths]
     customise(image, N2, WISH)

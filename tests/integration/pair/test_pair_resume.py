@@ -67,11 +67,8 @@ def test_a_job_that_is_there_is_somebody_elses_unless_we_resume(tmp_path: Path, 
     async def act(bench: PairBench) -> tuple[Results, bool, str]:
         before = bench.exports()
         job = [
-            "/system/scheduler/add",
-            "=name=atlantis-pair",
-            "=interval=1h",
-            "=start-time=startup",
-            "=on-event=:put 1",
+            *("/system/scheduler/add", "=name=atlantis-pair", "=interval=1h"),
+            *("=start-time=startup", "=on-event=:put 1"),
         ]
         await bench.router("far").console(job)
         results = await bench.converge(NEW, mode)

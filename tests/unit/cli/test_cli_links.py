@@ -1,4 +1,4 @@
-"""Commands that look at a site, with words that cannot be right: golden/*.txt read like a console."""
+"""Commands that look at a site or put it back, with words that cannot be right: golden/*.txt read like a console."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from atlantis_netcfg.checklist.probes.registry import TITLES
+from atlantis_netcfg.checklist.report import Phase
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.checklist import CHECK
 from atlantis_netcfg.core.errors import ExitCode
 
 GOLDEN = Path(__file__).with_name("golden")
-TEXTS = [(GOLDEN / name).read_text(encoding="utf-8") for name in ("links.txt", "asbuilt.txt")]
+TEXTS = [(GOLDEN / name).read_text(encoding="utf-8") for name in ("links.txt", "asbuilt.txt", "drift.txt", "check.txt")]
 CASES = [block.partition("\n")[::2] for text in TEXTS for block in text.strip().split("\n\n")]
 
 
@@ -35,3 +38,11 @@ def test_a_record_of_example_values_is_refused_before_anything_is_asked(
     assert main(["asbuilt", "site=coastal"]) == ExitCode.USAGE
     assert "only a rehearsal may use them" in capsys.readouterr().err
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_the_words_are_those_of_the_list() -> None:
+    endpoint, phase = CHECK.word("endpoint"), CHECK.word("phase")
+    assert endpoint is not None
+    assert phase is not None
+    assert endpoint.choices == tuple(map(str, TITLES))
+    assert phase.choices == tuple(str(one).replace(" ", "-") for one in Phase)

@@ -63,3 +63,22 @@ def test_a_folder_that_is_not_there_has_nothing_to_clear(tmp_path: Path) -> None
 def test_a_folder_is_named_from_the_root(tmp_path: Path) -> None:
     with pytest.raises(ModuleError, match="`etc/ours` is no path from the root"):
         configured(tmp_path, only=["etc/ours"])
+
+
+# A file that takes another's place is a whole second younger, however fast it came.
+
+
+def test_of_files_of_one_second_each_is_a_second_younger(tmp_path: Path) -> None:
+    tree, seconds = FileSystem(str(tmp_path)), []
+    for content in (b"one", b"two", b"six"):
+        tree.write("/list", content)
+        seconds.append(int((tmp_path / "list").stat().st_mtime))
+    assert seconds[0] < seconds[1] < seconds[2]
+
+
+def test_a_file_of_the_future_is_followed(tmp_path: Path) -> None:
+    tree = FileSystem(str(tmp_path))
+    tree.write("/list", b"one")
+    os.utime(tmp_path / "list", (4e9, 4e9))
+    tree.write("/list", b"two")
+    assert (tmp_path / "list").stat().st_mtime == 4e9 + 1

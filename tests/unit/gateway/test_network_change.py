@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from typing import Any
 
@@ -275,3 +276,49 @@ def test_what_is_kept_can_be_read_by_root_only(box: Box) -> None:
     kept = [place for place in (box.root / FOLDER[1:]).iterdir() if place.suffix == ".json"]
     assert {place.stat().st_mode & 0o777 for place in kept} == {0o600}
     assert json.loads((box.root / FOLDER[1:] / "previous.json").read_text())["files"]
+
+
+# A disk that is full while the network is changed: told before, and no trap in the window.
+
+
+# ruff: noqa: F401, F811 - `box` is a fixture
+
+
+def full(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
+    """No room for one file."""
+    write = NetworkComputer.write
+
+    def refuse(self: NetworkComputer, name: str, *words: Any) -> None:  # noqa: ANN401
+        if name.endswith(path):
+            raise OSError(errno.ENOSPC, "No space left on device", name)
+        write(self, name, *words)
+
+    monkeypatch.setattr(NetworkComputer, "write", refuse)
+
+
+def test_a_full_disk_is_told_and_nothing_is_changed(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = settled(box, "ifupdown")
+    full(monkeypatch, "wanted.json")
+    with pytest.raises(ModuleError, match="is full"):
+        made(box, "ifupdown", **moved("ifupdown")).stage()
+    assert box.state() == before
+    assert box.text(f"{FOLDER}/pending") is None
+
+
+@pytest.mark.parametrize("by", list(PATHS))
+def test_a_disk_that_fills_in_the_window_keeps_the_way_in(box: Box, by: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = settled(box, by)
+    change = made(box, by, **moved(by))
+    name = change.stage()
+    assert name is not None
+    box.queued = False
+    network_guard.apply(box.computer)
+    with monkeypatch.context() as filled:
+        full(filled, PATHS[by])
+        with pytest.raises(OSError, match="No space left"):
+            box.time_passes()
+        assert (box.held, box.routes) == (before["held"], before["routes"])
+        assert change.look(name, 0.0)["state"] == "pending"
+    network_guard.back(box.computer)
+    assert box.state() == before
+    assert change.look(name, 0.0)["state"] == "rolled back"

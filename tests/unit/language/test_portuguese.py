@@ -172,9 +172,6 @@ def test_blocks_of_a_hand_out_are_found() -> None:
         "    sudo something\n\n- one thing\n  more\n- two things\n"
     )
     assert list(MESSAGES.of_handout(source)) == [
-        "The VPN of {pilot}",
-        "Type what stands here. And this.",
-        "Type what stands here.",
-        "one thing more",
-        "two things",
+        *("The VPN of {pilot}", "Type what stands here. And this.", "Type what stands here."),
+        *("one thing more", "two things"),
     ]

@@ -69,11 +69,8 @@ def test_five_requests_are_all(tmp_path: Path, *, old_names: bool, numbers_as_te
     with unit(tmp_path, serial_number="1234567890", old_names=old_names, numbers_as_text=numbers_as_text) as (twin, at):
         look = read(at)
         assert twin.web.requests == [
-            "POST /api/login",
-            "GET /api/modems/status",
-            "GET /api/sim_cards/status",
-            "GET /api/interfaces/basic/status",
-            "GET /api/system/device/status",
+            *("POST /api/login", "GET /api/modems/status", "GET /api/sim_cards/status"),
+            *("GET /api/interfaces/basic/status", "GET /api/system/device/status"),
         ]
     assert (look.requests, look.serial, look.reading.connected, len(look.slots)) == (5, "1234567890", True, 2)
     reading = look.reading

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+import yaml
 
 from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.costs import link_of
+from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.link_use import (
     LinkNotFit,
     NothingInUse,
@@ -146,3 +148,17 @@ def test_a_use_is_read_back_as_it_was_written() -> None:
     assert "(60 min left)" in use.words(500)
     assert "(7 s left)" in use.words(4093)
     assert "left" not in replace(use).words(None).partition(", by")[0]
+
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_every_host_that_is_called_handled_is_in_a_play_with_the_role() -> None:
+    plays = yaml.safe_load((ROOT / "playbooks/site.yml").read_text(encoding="utf-8"))
+    patterns = [play["hosts"] for play in plays for task in play["tasks"] if "ansible.builtin.import_role" in task]
+    groups = {group for pattern in patterns for group in pattern.split(":")}
+    inventory = yaml.safe_load((ROOT / "inventory/hosts.yml").read_text(encoding="utf-8"))["all"]["children"]
+    hosts = {name for group in groups & inventory.keys() for name in inventory[group]["hosts"]}
+    found = {host.name for host in load(ROOT / "inventory").hosts.values() if handled(host)}
+    assert found
+    assert found <= hosts

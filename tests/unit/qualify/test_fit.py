@@ -14,12 +14,14 @@ from example_runs import BEGUN, idle_text, measured_run, put_run, samples_text
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import TelemetryTopic
+from atlantis_netcfg.declaration.model import KEY_OCTETS, LinkThresholds, Qualify, TelemetryTopic, ThresholdsName
 from atlantis_netcfg.journal import NoSuchRun, Store
 from atlantis_netcfg.operations.fit import vehicle_fit
 from atlantis_netcfg.operations.link_capacity import USABLE
 from atlantis_netcfg.operations.standing import standing_traffic
+from atlantis_netcfg.qualify.judgement import QualifyProfile, profiles
 from atlantis_netcfg.qualify.kept import folder_of
+from atlantis_netcfg.qualify.reflector.stamp import MIN_KEY_SIZE, PORT
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
@@ -261,3 +263,19 @@ def test_a_run_is_of_one_link(shipped: Declaration, tmp_path: Path) -> None:
 def test_a_vehicle_without_telemetry_is_no_green_nothing(shipped: Declaration, tmp_path: Path) -> None:
     with pytest.raises(NothingMatched, match="has no `telemetry:`"):
         fit(shipped, tmp_path)
+
+
+# What the declaration says of measured links, beside what is shipped for them.
+
+
+def test_the_declaration_names_the_thresholds_that_are_shipped() -> None:
+    assert [name.value for name in ThresholdsName] == list(profiles())
+
+
+def test_each_threshold_can_be_declared() -> None:
+    assert LinkThresholds.model_fields.keys() == {"profile", *QualifyProfile.model_fields}
+
+
+def test_key_and_port_are_those_of_the_far_end() -> None:
+    assert KEY_OCTETS == MIN_KEY_SIZE
+    assert Qualify.model_fields["port"].default == PORT

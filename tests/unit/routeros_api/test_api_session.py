@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import pytest
 from scripted_device import PASSWORD, Device, Peer, frame, serving
 
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
+from atlantis_netcfg.routeros import api
 from atlantis_netcfg.routeros.api import (
     WINDOW,
     Command,
@@ -530,3 +532,18 @@ def test_default_patience_outlives_a_gap_of_a_satellite_link() -> None:
     fields = type(endpoint).__dataclass_fields__
     assert fields["connect_timeout_s"].default == 120
     assert fields["reply_timeout_s"].default == 180
+
+
+def test_the_public_surface() -> None:
+    assert api.__all__ == [
+        *("READING_WINDOW", "WINDOW", "CertificateChanged", "CertificateUnknown", "Command", "Endpoint"),
+        *("FellSilent", "LoginRefused", "ProtocolError", "Refused", "Reply", "Session", "SessionLost"),
+        *("Traffic", "Trap", "Unreachable", "certificate_of", "may_cut_off", "shown_certificate"),
+    ]
+
+
+def test_every_error_ends_a_run_as_a_failed_device() -> None:
+    errors = [getattr(api, name) for name in api.__all__ if isinstance(getattr(api, name), type)]
+    kinds = [kind for kind in errors if issubclass(kind, Exception)]
+    assert len(kinds) == 8
+    assert all(issubclass(kind, DeviceFailed) and kind.exit == ExitCode.FAILED for kind in kinds)

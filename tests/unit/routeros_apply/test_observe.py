@@ -106,11 +106,8 @@ def test_nothing_is_asked_twice_and_only_what_matters() -> None:
     paths = [command.path for command in sent]
     assert len(paths) == len(set(paths))
     assert paths[-5:] == [
-        "/safe-mode/print",
-        "/user/active/print",
-        "/system/history/print",
-        "/system/scheduler/print",
-        "/system/device-mode/print",
+        *("/safe-mode/print", "/user/active/print", "/system/history/print"),
+        *("/system/scheduler/print", "/system/device-mode/print"),
     ]
     pool = next(command for command in sent if command.path == "/ip/pool/print")
     assert dict(pool.arguments)[".proplist"].startswith(".id,name,")

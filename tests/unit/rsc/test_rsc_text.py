@@ -3,10 +3,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from row_subtests import for_each_row
-from rsc_strategies import exports, statements
+from rsc_strategies import exports, statements, values
 
 from atlantis_netcfg import rsc
 from atlantis_netcfg.rsc import (
@@ -19,7 +18,10 @@ from atlantis_netcfg.rsc import (
     parse,
     print_export,
     print_statement,
+    quote,
+    unquote,
 )
+from atlantis_netcfg.rsc._print import ValueTextError
 
 HERE = Path(__file__).parent
 DEVICE_TEXTS = sorted(path for path in (HERE / "golden").glob("*.rsc") if ".in." not in path.name)
@@ -52,7 +54,7 @@ def test_line_ends_byte_order_mark_and_last_line_end_do_not_matter(path: Path) -
     assert parse(text.rstrip("\n")) == parse(text)
 
 
-@for_each_row("path", WRONG_TEXTS, ids=names)
+@pytest.mark.parametrize("path", WRONG_TEXTS, ids=names)
 def test_every_mistake_is_explained_at_its_place(path: Path) -> None:
     with pytest.raises(RscError) as caught:
         parse(read(path), source=path.name)
@@ -163,18 +165,21 @@ def test_one_statement_can_carry_its_menu(menu: str, text: str) -> None:
 
 
 @given(exports())
+@settings(deadline=None)
 def test_printing_loses_nothing(export: Export) -> None:
     assert parse(print_export(export)) == export
     assert parse(print_export(export, width=None)) == export
 
 
 @given(exports())
+@settings(deadline=None)
 def test_printing_is_stable(export: Export) -> None:
     text = print_export(export)
     assert print_export(parse(text)) == text
 
 
 @given(statements(), st.integers(min_value=1, max_value=140))
+@settings(deadline=None)
 def test_a_wrap_at_any_width_is_undone(statement: Statement, width: int) -> None:
     text = print_statement(statement, width=width, path=True)
     (back,) = parse(text).statements
@@ -189,6 +194,7 @@ def test_a_wrap_at_any_width_is_undone(statement: Statement, width: int) -> None
 
 
 @given(statements(), st.integers(min_value=40, max_value=140))
+@settings(deadline=None)
 def test_no_line_is_wider_than_asked_but_for_the_backslash_of_a_cut_value(statement: Statement, width: int) -> None:
     lines = print_statement(statement, width=width).split("\n")
     assert all(line.startswith("    ") and line[4:5] != " " for line in lines[1:])
@@ -199,3 +205,75 @@ def test_a_row_on_one_line_stays_on_one_line_whatever_its_length() -> None:
     row = Statement("/system/script", "add", (("source", "a\nb " * 200),))
     assert "\n" not in print_statement(row)
     assert parse(print_statement(row, path=True)).statements == (row,)
+
+
+PRINTED = [
+    ("", '""'),
+    ("yes", "yes"),
+    ("!sat-allow", "!sat-allow"),
+    ("a!#%*+,-./:<>@_~z", "a!#%*+,-./:<>@_~z"),
+    ("wan A", '"wan A"'),
+    ("it's", '"it\'s"'),
+    ("a=b;c", '"a=b;c"'),
+    ("[(^|)]{}&", '"[(^|)]{}&"'),
+    ('say "no"', r'"say \"no\""'),
+    ("C:\\temp", r'"C:\\temp"'),
+    ("$x", r'"\$x"'),
+    ("https://a/?b", r'"https://a/\?b"'),
+    ("one\r\ntwo\tthree", r'"one\r\ntwo\tthree"'),
+    ("\x00\x1b\x7f", r'"\00\1B\7F"'),
+    ("Muñoz", r'"Mu\C3\B1oz"'),
+    ("\udcd2\udcca", r'"\D2\CA"'),
+    ("`", '"`"'),
+]
+
+
+@pytest.mark.parametrize(("value", "text"), PRINTED)
+def test_a_value_is_printed_as_the_device_prints_it_and_read_back(value: str, text: str) -> None:
+    assert quote(value) == text
+    assert unquote(text) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        (r'"\_a"', " a"),
+        (r'"\a\b\f\v"', "\a\b\f\v"),
+        (r'"\F0\9F\9A\A2"', "\N{SHIP}"),
+        ('"Muñoz"', "Muñoz"),
+        ('"no \\"end\\""', 'no "end"'),
+    ],
+)
+def test_what_the_device_also_accepts_is_read(text: str, value: str) -> None:
+    assert unquote(text) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ('"open', "the text must end with the one quote that closes it"),
+        ('"', "the text must end with the one quote that closes it"),
+        ('"a"b"', "the text must end with the one quote that closes it"),
+        (r'"ends\"', "the text must end with the one quote that closes it"),
+        (r'"\q"', r"\q is not an escape that RouterOS knows"),
+        (r'"\c3"', r"\c is not an escape that RouterOS knows"),
+        ("a$b", "$ may only stand inside quotes"),
+        ('a"b', '" may only stand inside quotes'),
+        ("a\\b", "\\ may only stand inside quotes"),
+        ("a b", "  may only stand inside quotes"),
+        ("Muñoz", "ñ may only stand inside quotes"),
+    ],
+)
+def test_a_wrong_value_is_refused_in_words(text: str, complaint: str) -> None:
+    with pytest.raises(ValueTextError) as caught:
+        unquote(text)
+    assert str(caught.value) == complaint
+
+
+@given(values)
+@settings(deadline=None)
+def test_every_value_survives(value: str) -> None:
+    text = quote(value)
+    assert unquote(text) == value
+    assert text.isascii()
+    assert text.isprintable()

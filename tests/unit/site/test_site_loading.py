@@ -1,17 +1,27 @@
 from __future__ import annotations
 
+import cProfile
 import errno
+import inspect
 import os
+import pkgutil
+import pstats
 import shutil
+import subprocess
+import sys
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+import atlantis_netcfg.declaration
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
-from atlantis_netcfg.declaration import Declaration, InventoryInvalid, choose, load, report, validate
+from atlantis_netcfg.declaration import Declaration, InventoryInvalid, choose, load, report, rules, validate
 from atlantis_netcfg.declaration.model import Cpe, Router
 from atlantis_netcfg.declaration.rules import management
+from atlantis_netcfg.render import router
+from bench.many import many, name
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
@@ -280,3 +290,65 @@ def test_a_folder_whose_files_may_not_be_looked_at_is_no_fault_of_ours(
     monkeypatch.setattr(Path, "exists", refuse)
     with pytest.raises(NothingMatched, match="cannot be read: Permission denied"):
         load(inventory)
+
+
+# Hundreds of sites: loading and validating them takes work in proportion, whatever the machine.
+
+
+INVENTORY = Path(__file__).parents[3] / "inventory"
+
+
+def work(folder: Path, number: int) -> int:
+    """How many calls loading takes; every ship is in it and can be rendered."""
+    place = many(INVENTORY, folder / f"of-{number}", number)
+    with cProfile.Profile() as profile:
+        declaration = load(place)
+    ships = [declaration.hosts[f"{name(each)}-router"] for each in range(number)]
+    assert len({router(declaration, ship) for ship in ships[:3]}) == min(number, 3)
+    return int(pstats.Stats(profile).total_calls)  # type: ignore[attr-defined]
+
+
+def test_the_work_grows_with_the_sites_and_not_with_their_square(tmp_path: Path) -> None:
+    few, some, more = (work(tmp_path, number) for number in (10, 40, 80))
+    assert more - some < 2.0 * 40 / 30 * (some - few)
+
+
+def test_public_surface() -> None:
+    assert sorted(atlantis_netcfg.declaration.__all__) == [
+        *("ALL", "Declaration", "Finding", "Host", "InventoryInvalid", "Mark", "choose", "load"),
+        *("report", "validate"),
+    ]
+    assert all(hasattr(atlantis_netcfg.declaration, name) for name in atlantis_netcfg.declaration.__all__)
+
+
+def test_unknown_name() -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'lode'"):
+        getattr(atlantis_netcfg.declaration, "lode")  # noqa: B009 - mypy knows that it is not there
+
+
+def test_importing_it_imports_nothing_heavy() -> None:
+    heavy = "('pydantic', 'yaml', 'jinja2')"
+    program = f"import sys, atlantis_netcfg.declaration; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_rule_is_in_use() -> None:
+    written = []
+    for info in pkgutil.iter_modules(rules.__path__):
+        if info.name.startswith("_"):
+            continue
+        module = import_module(f"{rules.__name__}.{info.name}")
+        for label, function in inspect.getmembers(module, inspect.isfunction):
+            signature = inspect.signature(function)
+            own = function.__module__ == module.__name__ and not label.startswith("_")
+            if own and signature.return_annotation == "Iterator[Finding]":
+                assert list(signature.parameters) == ["draft"], function
+                written.append(function)
+    in_use = (*rules.RULES, *rules.WARNINGS)
+    assert set(written) == set(in_use)
+    assert len(in_use) == len(written)
+
+
+def test_every_rule_says_what_must_hold() -> None:
+    assert [rule.__name__ for rule in (*rules.RULES, *rules.WARNINGS) if not (rule.__doc__ or "").strip()] == []

@@ -170,11 +170,8 @@ MANIPULATIONS: dict[str, tuple[Callable[[Path], None], str]] = {
 }
 """What is done, and a part of what is said."""
 REFUSED = {name for name in MANIPULATIONS if "gone" in name or "old" in name or "head" in name} - {
-    "the list is an old one",
-    "a certificate is gone",
-    "the head is an old one",
-    "ledger and head are old",
-    "ledger, head and list are old",
+    *("the list is an old one", "a certificate is gone", "the head is an old one"),
+    *("ledger and head are old", "ledger, head and list are old"),
 }
 """With these nothing is signed. What is left is told, and put in order, or is refused by the server."""
 

@@ -6,10 +6,11 @@ import hashlib
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import pytest
-from row_subtests import for_each_row
+import yaml
 
 from atlantis_netcfg.gateway.parts import File
 from atlantis_netcfg.operations.vpn import live
@@ -53,80 +54,43 @@ def without(path: str) -> dict[str, str]:
     return {name: digest for name, digest in FILES.items() if name != path}
 
 
-CASES: dict[str, tuple[dict[str, Any], str | None]] = {
-    "sound": ({}, None),
-    "never set up": ({"ready": False, "files": {}}, "no server of the VPN was ever set up there"),
-    "not admitted": ({"files": without(f"{CCD}/iqua-d0")}, "iqua-d0 is recorded, and the server does not admit it"),
-    "changed by hand": (
-        {"files": {**FILES, f"{CCD}/iqua-d0": "00"}},
-        f"iqua-d0: its file on the server was changed by hand ({CCD}/iqua-d0)",
-    ),
-    "a stranger": (
-        {"files": {**FILES, f"{CCD}/x": "00"}},
-        f"x is not to be admitted, and the server has a file that admits it ({CCD}/x)",
-    ),
-    "no list": ({"crl": None}, "the server has no list of revoked certificates that can be read: nobody can connect"),
-    "another's list": (
-        {"crl": replace(CRL, signed=False)},
-        "the server's list of revoked certificates is of another authority: who was revoked is let in",
-    ),
-    "older": (
-        {"crl": replace(CRL, number=3), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
-        "the server's list of revoked certificates is number 3, and the record's is 4",
-    ),
-    "newer": (
-        {"crl": replace(CRL, number=5), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
-        (
-            "the server's list of revoked certificates is number 5, newer than the record's (4): "
-            "somebody works with another copy of the authority"
-        ),
-    ),
-    "same number, other list": (
-        {"files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
-        "the server's list of revoked certificates has the record's number 4, and is another one",
-    ),
-    "early": (
-        {"clock": NOW - timedelta(days=2)},
-        "by the server's clock its list of revoked certificates begins on 2026-05-31 00:00 UTC only",
-    ),
-    "expired": (
-        {"clock": NOW + timedelta(days=80)},
-        "the server's list of revoked certificates has expired on 2026-08-20: nobody can connect",
-    ),
-    "ends soon": (
-        {"clock": NOW + timedelta(days=51)},
-        "the server's list of revoked certificates ends in 29 days, on 2026-08-20: after that nobody can connect",
-    ),
-    "no ruleset": ({"files": without(FIREWALL)}, f"the firewall's file is not as recorded ({FIREWALL})"),
-    "no nft": (
-        {"members": None, "firewall_why": "nft does not answer"},
-        "the firewall cannot be asked: nft does not answer",
-    ),
-    "not loaded": ({"members": None}, "the firewall of the VPN is not loaded"),
-    "changed with nft": (
-        {"firewall_as_file": False},
-        "the firewall that is loaded is not what its file says: somebody has changed it with nft",
-    ),
-    "cannot be told": ({"firewall_as_file": None}, None),
-    "redirects": (
-        {"redirects": ("all", "eth0")},
-        "the server's kernel may send ICMP redirects, by all, eth0: members would go past it",
-    ),
-    "down": (
-        {"unit": {"ActiveState": "failed", "SubState": "failed"}, "is_live": False},
-        "the server does not run: openvpn-server@atlantis.service is failed (failed)",
-    ),
-    "held": ({"is_live": False, "why": "silent"}, "the server cannot be asked who is connected: silent"),
-    "fast": ({"clock_ahead_s": 61.0}, "the server's clock is 61 s ahead of this computer's"),
-    "slow": ({"clock_ahead_s": -3600.0}, "the server's clock is 3600 s behind this computer's"),
-    "no systemd": ({"unit": {}}, None),
+LISTED: dict[str, str | None] = yaml.safe_load(Path(__file__).with_name("vpn_drift.yml").read_text(encoding="utf-8"))
+CASES: dict[str, dict[str, Any]] = {
+    "sound": {},
+    "never set up": {"ready": False, "files": {}},
+    "not admitted": {"files": without(f"{CCD}/iqua-d0")},
+    "changed by hand": {"files": {**FILES, f"{CCD}/iqua-d0": "00"}},
+    "a stranger": {"files": {**FILES, f"{CCD}/x": "00"}},
+    "no list": {"crl": None},
+    "another's list": {"crl": replace(CRL, signed=False)},
+    "older": {"crl": replace(CRL, number=3), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
+    "newer": {"crl": replace(CRL, number=5), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
+    "same number, other list": {"files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
+    "early": {"clock": NOW - timedelta(days=2)},
+    "expired": {"clock": NOW + timedelta(days=80)},
+    "ends soon": {"clock": NOW + timedelta(days=51)},
+    "no ruleset": {"files": without(FIREWALL)},
+    "no nft": {"members": None, "firewall_why": "nft does not answer"},
+    "not loaded": {"members": None},
+    "changed with nft": {"firewall_as_file": False},
+    "cannot be told": {"firewall_as_file": None},
+    "redirects": {"redirects": ("all", "eth0")},
+    "down": {"unit": {"ActiveState": "failed", "SubState": "failed"}, "is_live": False},
+    "held": {"is_live": False, "why": "silent"},
+    "fast": {"clock_ahead_s": 61.0},
+    "slow": {"clock_ahead_s": -3600.0},
+    "no systemd": {"unit": {}},
 }
 
 
-@for_each_row("case", CASES, ids=lambda case: str(case).replace(" ", "-"))
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case).replace(" ", "-"))
 def test_drift_is_told_in_words(case: str) -> None:
-    other, words = CASES[case]
-    assert drift(replace(SOUND, **other), WANTED, ROLL) == ((words,) if words is not None else ())
+    words = LISTED[case]
+    assert drift(replace(SOUND, **CASES[case]), WANTED, ROLL) == ((words,) if words is not None else ())
+
+
+def test_every_case_is_listed() -> None:
+    assert list(LISTED) == list(CASES)
 
 
 def test_the_stamp_of_the_firewall_is_that_of_the_roles_unit() -> None:
@@ -177,8 +141,10 @@ def test_what_an_answer_lacks_is_the_servers_fault(lacks: str) -> None:
         observe(told)
 
 
-@for_each_row("kind", ["x", 7, -1e300, [7], [{}], {"seen": {"a": {"last": 1e300}}}, True, ["::1/128"]], ids=ascii)
-@for_each_row("name", LOOKED)
+@pytest.mark.parametrize(
+    "kind", ["x", 7, -1e300, [7], [{}], {"seen": {"a": {"last": 1e300}}}, True, ["::1/128"]], ids=ascii
+)
+@pytest.mark.parametrize("name", LOOKED)
 def test_an_answer_of_another_kind_is_told_in_words(name: str, kind: Any) -> None:  # noqa: ANN401 - JSON
     """Or is taken for text, and judged."""
     with suppress(AnswerLost):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 import trees
+import yaml
 from gps_said import FENCE
 from row_subtests import for_each_row
 
@@ -75,106 +77,46 @@ def test_all_is_asked_of_the_router() -> None:
     assert PROBE.asks() == tuple(RouterOsQuery(name, "off-router", query) for name, query in asked.items())
 
 
-CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
-    "healthy": (
-        ROW,
-        ["PASS fix: Offshore has a 3D fix of 6 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"],
-    ),
-    "healthy, before 7.1": (
-        {name: value for name, value in ROW.items() if name != "data-age"} | {"date-and-time": "nov/20/2026 10:15:00"},
-        ["PASS fix: Offshore has a 3D fix of 6 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"],
-    ),
-    "healthy, in the time zone of the router": (
-        {**ROW, "date-and-time": "2026-11-20 11:14:59"},
-        ["PASS fix: Offshore has a 3D fix of 6 satellites at 41.68642, -8.83883, 3 m from the middle of the geofence"],
-    ),
-    "the manual's sample": (
-        SAMPLE,
-        [
-            (
-                "FAIL outside-geofence: Offshore is at 56.96969, 24.16247, "
-                "2889 km from the middle of the geofence of 1000 m"
-            ),
-            "FAIL clock-differs: Offshore's receiver is 1900 days behind the clock of this computer",
-        ],
-    ),
-    "no fix": (
-        {"valid": "no", "satellites": "0", "latitude": "none", "longitude": "none", "data-age": "1s"},
-        ["FAIL no-fix: Offshore's receiver works and has no fix"],
-    ),
-    "no fix, and an unknown word": (
-        {**ROW, "valid": "perhaps"},
-        ["FAIL no-fix: Offshore's receiver works and has no fix"],
-    ),
-    "stale": ({**ROW, "data-age": "1m4s"}, ["FAIL fix-stale: Offshore's last position is 64 s old: no more came"]),
-    "clock": (
-        {**ROW, "date-and-time": "2026-11-20 10:14:19"},
-        ["FAIL clock-differs: Offshore's receiver is 40.5 s behind the clock of this computer"],
-    ),
-    "valid without a position": (
-        {**ROW, "latitude": "none", "longitude": "none"},
-        ["FAIL position-impossible: Offshore's receiver claims a fix at nowhere, which is no position"],
-    ),
-    "simulated": (
-        {**ROW, "fix-quality": "8"},
-        ["FAIL position-simulated: Offshore's position is simulated, not measured"],
-    ),
-    "set by hand": (
-        {**ROW, "fix-quality": "7"},
-        ["INCONCLUSIVE position-manual: Offshore's position is set by hand, not measured"],
-    ),
-    "no satellites": (
-        {**ROW, "satellites": "0"},
-        ["FAIL no-satellites: Offshore's receiver claims a fix of 0 satellites: 3 are the fewest"],
-    ),
-    "valid of no quality": ({**ROW, "fix-quality": "0"}, ["FAIL no-fix: Offshore's receiver works and has no fix"]),
-    "swapped": (
-        {**ROW, "latitude": ROW["longitude"], "longitude": ROW["latitude"]},
-        [
-            (
-                "FAIL position-swapped: Offshore's latitude and longitude are swapped: -8.83883, 41.68642 lies in "
-                "the geofence the other way round"
-            )
-        ],
-    ),
-    "in another time zone than the router": (
-        {**ROW, "date-and-time": "2026-11-20 09:14:59"},
-        ["INCONCLUSIVE clock-differs: Offshore's receiver is 60 min behind the clock of this computer"],
-    ),
-    "of two hours ago": (
-        {**ROW, "date-and-time": "2026-11-20 08:04:59"},
-        ["FAIL clock-differs: Offshore's receiver is 2 h behind the clock of this computer"],
-    ),
-    "no estimate worth the name": (
-        {**ROW, "horizontal-dilution": "99.9"},
-        ["INCONCLUSIVE position-uncertain: Offshore's satellites stand badly: HDOP 99.9"],
-    ),
-    "dilution": (
-        {**ROW, "horizontal-dilution": "9.9"},
-        ["WARN position-uncertain: Offshore's satellites stand badly: HDOP 9.9"],
-    ),
-    "nothing": ({}, ["FAIL no-data: GPS of off-router tells nothing of its receiver"]),
-    "garbage": (
-        {
-            "latitude": "\x00",
-            "longitude": "-",
-            "valid": "yes",
-            "satellites": "many",
-            "date-and-time": "x",
-            "data-age": "?",
-        },
-        [
-            "FAIL position-impossible: Offshore's receiver claims a fix at nowhere, which is no position",
-            "INCONCLUSIVE no-time: Offshore's positions have no time: nobody can tell whether they are of now",
-        ],
-    ),
+LISTED: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("gps_routeros.yml").read_text(encoding="utf-8"))
+CASES: dict[str, dict[str, str] | None] = {
+    "healthy": ROW,
+    "healthy, before 7.1": {name: value for name, value in ROW.items() if name != "data-age"}
+    | {"date-and-time": "nov/20/2026 10:15:00"},
+    "healthy, in the time zone of the router": {**ROW, "date-and-time": "2026-11-20 11:14:59"},
+    "the manual's sample": SAMPLE,
+    "no fix": {"valid": "no", "satellites": "0", "latitude": "none", "longitude": "none", "data-age": "1s"},
+    "no fix, and an unknown word": {**ROW, "valid": "perhaps"},
+    "stale": {**ROW, "data-age": "1m4s"},
+    "clock": {**ROW, "date-and-time": "2026-11-20 10:14:19"},
+    "valid without a position": {**ROW, "latitude": "none", "longitude": "none"},
+    "simulated": {**ROW, "fix-quality": "8"},
+    "set by hand": {**ROW, "fix-quality": "7"},
+    "no satellites": {**ROW, "satellites": "0"},
+    "valid of no quality": {**ROW, "fix-quality": "0"},
+    "swapped": {**ROW, "latitude": ROW["longitude"], "longitude": ROW["latitude"]},
+    "in another time zone than the router": {**ROW, "date-and-time": "2026-11-20 09:14:59"},
+    "of two hours ago": {**ROW, "date-and-time": "2026-11-20 08:04:59"},
+    "no estimate worth the name": {**ROW, "horizontal-dilution": "99.9"},
+    "dilution": {**ROW, "horizontal-dilution": "9.9"},
+    "nothing": {},
+    "garbage": {
+        "latitude": "\x00",
+        "longitude": "-",
+        "valid": "yes",
+        "satellites": "many",
+        "date-and-time": "x",
+        "data-age": "?",
+    },
 }
 
 
 @for_each_row("case", CASES)
 def test_judged(case: str) -> None:
-    row, expected = CASES[case]
-    assert told(judged(row)) == expected
+    assert told(judged(CASES[case])) == LISTED[case]
+
+
+def test_every_case_is_listed() -> None:
+    assert list(LISTED) == list(CASES)
 
 
 def test_a_device_without_the_package() -> None:
