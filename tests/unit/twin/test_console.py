@@ -232,7 +232,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@for_each_row("case", CASES, ids=str)
 def test_attempts(case: str) -> None:
     script, output = CASES[case]
     router = make()
