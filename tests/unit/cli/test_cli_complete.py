@@ -43,10 +43,7 @@ def offered(*typed: str) -> list[str]:
         (["--plan", "site=co"], ["site=coastal"]),
         (["drift", "site="], ["site=scc", "site=coastal", "site=te4sea"]),
         (["drift", "site=coastal", "only="], [f"only={name}" for name in COASTAL]),
-        (
-            ["drift", "site=coastal", "only=coastal-4g,coastal-s"],
-            ["only=coastal-4g,coastal-sat"],
-        ),
+        (["drift", "site=coastal", "only=coastal-4g,coastal-s"], ["only=coastal-4g,coastal-sat"]),
         (["drift", "site=coastal", "only=coastal-4g,coastal-4"], []),
         (["verify", "device=te4sea-r"], ["device=te4sea-router"]),
         (["dds", "host=scc-c"], ["host=scc-cpe", "host=scc-control"]),

@@ -11,13 +11,7 @@ from laptop_network import PLACE, Plug, lines, network, route
 from row_subtests import for_each_row
 
 from atlantis_netcfg.operations.doctor.network import IpPrints, NetworkUnreadable, facts_of, managed_of
-from atlantis_netcfg.operations.doctor.way import (
-    RouterAnswer,
-    judge_ports,
-    judge_router,
-    judge_way,
-    why_not_contacted,
-)
+from atlantis_netcfg.operations.doctor.way import RouterAnswer, judge_ports, judge_router, judge_way, why_not_contacted
 
 if TYPE_CHECKING:
     from atlantis_netcfg.operations.doctor.way import RouterPlace

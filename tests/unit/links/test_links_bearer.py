@@ -64,10 +64,7 @@ def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> S
 @for_each_row("name", CASES)
 def test_what_is_told(name: str) -> None:
     status = bearer_status(seen(CASES[name]))
-    shown = {
-        "state": status.state.value,
-        "findings": [f"{one.verdict.value} {one.code}" for one in status.findings],
-    }
+    shown = {"state": status.state.value, "findings": [f"{one.verdict.value} {one.code}" for one in status.findings]}
     assert shown == CASES[name]["told"]
 
 

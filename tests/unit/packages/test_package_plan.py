@@ -70,9 +70,7 @@ CASES = {
         device(release="7.4.1", radios=("wlan1",)), (npk("routeros"),), says=("wlan1", "wireless-7.21.5-arm64.npk")
     ),
     "the radio across 7.13 with its driver": Case(
-        device(release="7.4.1", radios=("wlan1",)),
-        (npk("routeros"), npk("wireless")),
-        send=("wireless", "routeros"),
+        device(release="7.4.1", radios=("wlan1",)), (npk("routeros"), npk("wireless")), send=("wireless", "routeros")
     ),
     "the radio given up": Case(
         device(release="7.4.1", radios=("wlan1",)), (npk("routeros"),), send=("routeros",), drop=("wireless",)

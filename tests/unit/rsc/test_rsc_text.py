@@ -162,8 +162,7 @@ def test_comments_of_people_are_not_volatile() -> None:
 
 
 @pytest.mark.parametrize(
-    ("menu", "path"),
-    [("/ip/firewall/filter", "/ip firewall filter"), ("/user", "/user"), ("/", "/")],
+    ("menu", "path"), [("/ip/firewall/filter", "/ip firewall filter"), ("/user", "/user"), ("/", "/")]
 )
 def test_menus_are_written_as_on_the_console(menu: str, path: str) -> None:
     assert console_path(menu) == path

@@ -20,11 +20,7 @@ CASES: list[tuple[str, str, str | None]] = [
         "/interface wifi add configuration.mode=ap .ssid=praze disabled=no name=w1 master-interface=wifi1",
         None,
     ),
-    (
-        "7.18.2",
-        "/interface wifi add disabled=no .mode=ap name=w1",
-        "expected end of command (line 1 column 33)",
-    ),
+    ("7.18.2", "/interface wifi add disabled=no .mode=ap name=w1", "expected end of command (line 1 column 33)"),
     # PE1.rsc of feichay10/Final-Degree-Project, 7.16: a group of arguments, and VRFs.
     (
         "7.16",
@@ -37,11 +33,7 @@ CASES: list[tuple[str, str, str | None]] = [
         "expected end of command (line 1 column 61)",
     ),
     ("7.16", "/ip vrf add interfaces=ether2 name=CE1; /ip route add gateway=10.0.0.1@CE1 routing-table=CE1", None),
-    (
-        "7.16",
-        "/ip vrf add interfaces=ether2 name=CE1; /ip route add dst-address=10.0.0.0/30 gateway=CE1@CE1",
-        None,
-    ),
+    ("7.16", "/ip vrf add interfaces=ether2 name=CE1; /ip route add dst-address=10.0.0.0/30 gateway=CE1@CE1", None),
     ("7.16", "/ip route add gateway=10.0.0.1@CE2", "invalid value for argument gateway"),
     ("7.16", "/ip vrf add interfaces=ether99 name=CE1", NO_SUCH.format("interfaces")),
     # Andreansx/Networking-lab (7.19.4)
@@ -87,11 +79,7 @@ CASES: list[tuple[str, str, str | None]] = [
     ("7.19.1", '/ip route add dst-address=198.51.100.8/32 gateway=""', NO_SUCH.format("gateway")),
     ("7.1.5", '/ip route add dst-address="" gateway=10.64.101.9', None),
     # bkk50.rsc of rotkonetworks/networking, 7.22.
-    (
-        "7.22",
-        f"{LEASE} address=10.0.0.1 disabled=yes; {LEASE} address=10.0.0.2",
-        None,
-    ),
+    ("7.22", f"{LEASE} address=10.0.0.1 disabled=yes; {LEASE} address=10.0.0.2", None),
     (
         "7.22",
         f"{LEASE} address=10.0.0.1; {LEASE} address=10.0.0.2",

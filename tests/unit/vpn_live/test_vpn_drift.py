@@ -56,10 +56,7 @@ def without(path: str) -> dict[str, str]:
 CASES: dict[str, tuple[dict[str, Any], str | None]] = {
     "sound": ({}, None),
     "never set up": ({"ready": False, "files": {}}, "no server of the VPN was ever set up there"),
-    "not admitted": (
-        {"files": without(f"{CCD}/iqua-d0")},
-        "iqua-d0 is recorded, and the server does not admit it",
-    ),
+    "not admitted": ({"files": without(f"{CCD}/iqua-d0")}, "iqua-d0 is recorded, and the server does not admit it"),
     "changed by hand": (
         {"files": {**FILES, f"{CCD}/iqua-d0": "00"}},
         f"iqua-d0: its file on the server was changed by hand ({CCD}/iqua-d0)",

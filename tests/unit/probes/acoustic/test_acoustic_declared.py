@@ -224,11 +224,7 @@ def test_anybody_s_fixes_are_enough_where_none_is_named(shipped: Declaration) ->
     assert told(step.probe.judge(heard)) == [
         ["PASS", "heard", "the USBL of Sparus told 2 fixes of the address 5, 14.1 m away"],
         ["PASS", "heard", "the USBL of Sparus told 2 fixes of the address 9, 14.1 m away"],
-        [
-            "WARN",
-            "whose-unknown",
-            "nobody has declared whom the USBL of Sparus should hear: anybody's fixes count",
-        ],
+        ["WARN", "whose-unknown", "nobody has declared whom the USBL of Sparus should hear: anybody's fixes count"],
     ]
 
 

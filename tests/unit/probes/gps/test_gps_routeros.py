@@ -127,10 +127,7 @@ CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
         {**ROW, "satellites": "0"},
         ["FAIL no-satellites: Offshore's receiver claims a fix of 0 satellites: 3 are the fewest"],
     ),
-    "valid of no quality": (
-        {**ROW, "fix-quality": "0"},
-        ["FAIL no-fix: Offshore's receiver works and has no fix"],
-    ),
+    "valid of no quality": ({**ROW, "fix-quality": "0"}, ["FAIL no-fix: Offshore's receiver works and has no fix"]),
     "swapped": (
         {**ROW, "latitude": ROW["longitude"], "longitude": ROW["latitude"]},
         [

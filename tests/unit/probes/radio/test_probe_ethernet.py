@@ -75,11 +75,7 @@ CASES = (
         (LINK.removesuffix(" of 1Gbps"), ANSWERS),
         {"monitor": Rows(None, "no such command", None)},
     ),
-    Case(
-        "healthy, a router that counts nothing",
-        (LINK, ANSWERS),
-        {"interfaces": Rows(None, "not permitted", None)},
-    ),
+    Case("healthy, a router that counts nothing", (LINK, ANSWERS), {"interfaces": Rows(None, "not permitted", None)}),
     # sick
     Case(
         "another card answers",
@@ -145,10 +141,7 @@ CASES = (
     ),
     Case(
         "the gateway has its address",
-        (
-            LINK,
-            "FAIL own-address: the gateway itself has the address of ECA ROV, 10.64.1.26: its pings never leave it",
-        ),
+        (LINK, "FAIL own-address: the gateway itself has the address of ECA ROV, 10.64.1.26: its pings never leave it"),
         {"route": way("lo", "10.64.1.26")},
     ),
     Case(
@@ -165,10 +158,7 @@ CASES = (
     ),
     Case(
         "every answer comes twice",
-        (
-            LINK,
-            "FAIL answered-twice: ECA ROV (10.64.1.26) answers 20 of 20 pings, and 20 answers came twice",
-        ),
+        (LINK, "FAIL answered-twice: ECA ROV (10.64.1.26) answers 20 of 20 pings, and 20 answers came twice"),
         {"ping": pings(address="10.64.1.26", twice=20)},
     ),
     Case(
@@ -256,11 +246,7 @@ CASES = (
             )
         },
     ),
-    Case(
-        "a port with its own name",
-        (LINK, ANSWERS),
-        {"interfaces": port(**{"default-name": "ether5"})},
-    ),
+    Case("a port with its own name", (LINK, ANSWERS), {"interfaces": port(**{"default-name": "ether5"})}),
     Case(
         "no such port",
         ("FAIL no-port: coastal-router has no port ether5", ANSWERS),

@@ -1,20 +1,6 @@
 from __future__ import annotations
 
-from radio_cases import (
-    BSSID,
-    NOBODY,
-    Case,
-    card,
-    check,
-    codes,
-    info,
-    linked,
-    pings,
-    printed,
-    rules,
-    stations,
-    way,
-)
+from radio_cases import BSSID, NOBODY, Case, card, check, codes, info, linked, pings, printed, rules, stations, way
 from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RunProgram, Trouble
@@ -72,16 +58,8 @@ CASES = (
         (UP, ANSWERS),
         {"link": linked(mhz="2437.0"), "info": info(channel="6 (2437 MHz), width: 20 MHz, center1: 2437 MHz")},
     ),
-    Case(
-        "healthy, told by the MAC address",
-        (UP, ANSWERS),
-        endpoint={"ssid": None, "mac": BSSID},
-    ),
-    Case(
-        "healthy, at the declared rate",
-        (UP, ANSWERS),
-        endpoint={"rate_mbps": 100.0},
-    ),
+    Case("healthy, told by the MAC address", (UP, ANSWERS), endpoint={"ssid": None, "mac": BSSID}),
+    Case("healthy, at the declared rate", (UP, ANSWERS), endpoint={"rate_mbps": 100.0}),
     # sick
     Case(
         "weak",
@@ -93,24 +71,8 @@ CASES = (
         (up(-88), "FAIL signal-weak: wlan1 of the gateway hears Sparus with -88 dBm, below -75 dBm", ANSWERS),
         heard(-88),
     ),
-    Case(
-        "too strong",
-        (
-            up(-30),
-            f"WARN signal-strong: {OVERDRIVEN.format(-30)}",
-            ANSWERS,
-        ),
-        heard(-30),
-    ),
-    Case(
-        "far too strong",
-        (
-            up(-19),
-            f"FAIL signal-strong: {OVERDRIVEN.format(-19)}",
-            ANSWERS,
-        ),
-        heard(-19),
-    ),
+    Case("too strong", (up(-30), f"WARN signal-strong: {OVERDRIVEN.format(-30)}", ANSWERS), heard(-30)),
+    Case("far too strong", (up(-19), f"FAIL signal-strong: {OVERDRIVEN.format(-19)}", ANSWERS), heard(-19)),
     Case("on the lower bound", (up(-75), ANSWERS), heard(-75)),
     Case("on the upper bound", (up(-35), ANSWERS), heard(-35)),
     Case(
@@ -161,10 +123,7 @@ CASES = (
     ),
     Case(
         "the way leads elsewhere",
-        (
-            UP,
-            "FAIL other-way: packets to Sparus (10.70.2.1) leave by eth0, and not by wlan1 of the gateway",
-        ),
+        (UP, "FAIL other-way: packets to Sparus (10.70.2.1) leave by eth0, and not by wlan1 of the gateway"),
         {"route": way("eth0")},
     ),
     Case(
@@ -208,11 +167,7 @@ CASES = (
     ),
     Case(
         "nothing is declared by which to tell",
-        (
-            UP,
-            "WARN whose-unknown: nothing tells whether `EXAMPLE-SPARUS` is the access point of Sparus",
-            ANSWERS,
-        ),
+        (UP, "WARN whose-unknown: nothing tells whether `EXAMPLE-SPARUS` is the access point of Sparus", ANSWERS),
         endpoint={"ssid": None},
     ),
     Case(
@@ -225,10 +180,7 @@ CASES = (
         "not associated",
         ("FAIL not-associated: wlan1 of the gateway is not associated with `EXAMPLE-SPARUS` of Sparus",),
         {"link": printed("Not connected.\n"), "stations": printed(""), "ping": pings(0)},
-        evidence=(
-            "read access point heard by wlan1 of the gateway: none",
-            "declared signal wanted: -75 to -35 dBm",
-        ),
+        evidence=("read access point heard by wlan1 of the gateway: none", "declared signal wanted: -75 to -35 dBm"),
     ),
     Case(
         "the gateway is an access point itself",
