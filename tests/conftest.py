@@ -5,8 +5,10 @@ from __future__ import annotations
 import gc
 import ipaddress
 import os
+import re
 import signal
 import socket
+from argparse import ArgumentTypeError
 from collections import defaultdict
 from contextlib import suppress
 from enum import StrEnum
@@ -78,9 +80,15 @@ def share_out(costs: Mapping[str, float], shards: int) -> list[set[str]]:
     return [paths for _, paths in shares]
 
 
+def _shard(text: str) -> tuple[int, int]:
+    if (parts := re.fullmatch(r"(\d+)/(\d+)", text)) and 1 <= int(parts[1]) <= int(parts[2]):
+        return int(parts[1]), int(parts[2])
+    raise ArgumentTypeError(f"`{text}` is no shard; write K/N, with K from 1 to N")
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--tier", action="append", type=Tier, choices=[*Tier], help="run the tests of this tier only")
-    parser.addoption("--shard", default="1/1", help="of the tier `rest` run shard K of N only: K/N")
+    parser.addoption("--shard", type=_shard, default=(1, 1), help="of the tier `rest` run shard K of N only: K/N")
     parser.addoption("--costs", type=Path, help="write the CPU seconds of each test file to this file")
     parser.addoption("--fault-seeds", default="0:40", help="seeds of the campaign of faults: FIRST:END or a,b,c")
     parser.addoption(
@@ -134,8 +142,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if tiers:
         tier_of = {test: Tier.of(test) for test in items}
         rest = {_file(test): cost(_file(test), Tier.REST) for test, tier in tier_of.items() if tier is Tier.REST}
-        number, _, shards = config.getoption("--shard").partition("/")
-        shard = share_out(rest, int(shards))[int(number) - 1]
+        number, shards = config.getoption("--shard")
+        shard = share_out(rest, shards)[number - 1]
         kept = [
             test for test, tier in tier_of.items() if tier in tiers and (tier is not Tier.REST or _file(test) in shard)
         ]

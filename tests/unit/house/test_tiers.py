@@ -84,6 +84,10 @@ def test_each_test_runs_in_one_tier_and_one_shard(pytester: pytest.Pytester, mon
     shards = [run("--tier", "rest", "--shard", f"{number}/3") for number in (1, 2, 3)]
     assert all(shards)
     assert sorted(itertools.chain(*shards)) == sorted(tiers["rest"])
+    for wrong in ("4/3", "0/3", "2"):
+        result = pytester.runpytest_inprocess("-p", "no:cacheprovider", "--tier", "rest", "--shard", wrong)
+        assert result.ret == pytest.ExitCode.USAGE_ERROR
+        assert f"`{wrong}` is no shard; write K/N, with K from 1 to N" in result.stderr.str()
 
 
 def test_the_table_of_costs_names_files_and_make_test_stays_within_its_budget(rules: Any) -> None:  # noqa: ANN401
