@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.core.errors import NetcfgError
@@ -113,7 +114,8 @@ class SpawnedSite:
     def close(self) -> None:
         """Let the twins save their state and end."""
         if self._process.stdin is not None:
-            self._process.stdin.close()
+            with suppress(BrokenPipeError):  # a command that a dead process has not read
+                self._process.stdin.close()
         try:
             self._process.wait(_PATIENCE_S)
         except subprocess.TimeoutExpired:

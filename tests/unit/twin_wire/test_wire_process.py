@@ -110,6 +110,7 @@ def test_spawned_twins_serve_and_obey(tmp_path: Path) -> None:
 def test_twins_that_died_are_reported(tmp_path: Path) -> None:
     twins = spawn(SITE, tmp_path)
     twins._process.kill()
+    twins._process.wait()
     with pytest.raises(TwinsFailed, match="process has ended"):
         twins.do("router", "info")
     twins.close()
