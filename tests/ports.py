@@ -12,10 +12,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def held_port() -> Iterator[int]:
-    """A port that nobody else is given: it is bound, and a server that reuses addresses can listen there all the same.
-
-    gpsd and qemu reuse them.
-    """
+    """Reserve a free port by keeping it bound; a server with SO_REUSEADDR (gpsd, qemu) can listen there."""
     with socket.socket() as held:
         held.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         held.bind(("127.0.0.1", 0))

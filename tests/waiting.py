@@ -1,4 +1,4 @@
-"""Waiting for what has to come: one limit for all, which ends only what hangs, however busy the machine is."""
+"""Wait for events with one long limit, which only catches what hangs, however busy the machine is."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, TypeVar
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-_Found = TypeVar("_Found")
+_Value = TypeVar("_Value")
 HANG_S = 300.0
 
 
-def wait_until(holds: Callable[[], _Found], why: Callable[[], object] = str, every_s: float = 0.02) -> _Found:
-    """Wait until something is so, or is there; give it."""
+def wait_until(condition: Callable[[], _Value], why: Callable[[], object] = str, every_s: float = 0.02) -> _Value:
+    """Poll until `condition` returns a true value, and return it."""
     end = time.monotonic() + HANG_S
-    while not (found := holds()):
-        assert time.monotonic() < end, f"it never came: {why()}"
+    while not (value := condition()):
+        assert time.monotonic() < end, f"timed out after {HANG_S:.0f} s: {why()}"
         time.sleep(every_s)
-    return found
+    return value
 
 
 def measure(judge: Callable[[], None], attempts: int = 8) -> None:
-    """Repeat a measurement in real time until it holds: a busy machine disturbs some of them, a fault of ours all."""
+    """Repeat a real-time measurement until `judge` passes: load disturbs some attempts, a defect all."""
     for _ in range(attempts - 1):
         try:
             return judge()
