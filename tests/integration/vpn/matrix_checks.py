@@ -164,6 +164,8 @@ def multicast(reach: Reach) -> None:
             stack.enter_context(reach.made.socket(who, socket.AF_PACKET, socket.SOCK_DGRAM, socket.htons(0x0800)))
             for who in (ZARCO, SPARUS)
         ]
+        for watch in watches:
+            watch.bind(("tun0", 0x0800))  # on eth0 the stand's bridges send IGMP reports of their own
         for address, counter in (("239.255.0.1", "p_multicast"), ("10.80.255.255", "p_denied")):
             _refused(reach, address, counter)
         group = socket.inet_aton("239.255.0.1") + socket.inet_aton("10.80.0.1")
@@ -173,7 +175,7 @@ def multicast(reach: Reach) -> None:
         _out(reach, stack, LAPTOP).sendto(b"all", ("239.255.0.1", 7400))
         reach.probes.heard.clear()
         _after(reach, (CENTRE, ZARCO), (CENTRE, SPARUS), (LAPTOP, CENTRE))
-        assert not any(_to_many(packet) for watch in watches for packet in _waiting(watch))
+        assert [packet for watch in watches for packet in _waiting(watch) if _to_many(packet)] == []
         assert reach.made.counter("p_denied") == before + 1
 
 
