@@ -15,11 +15,13 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pyrage
 import pytest
+import weak_age
 from hypothesis import is_hypothesis_test, settings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Mapping
+    from collections.abc import Callable, Generator, Iterator, Mapping
 
 MARKERS = (
     "arm64: the processor of the gateways, emulated; `make test-arm64` runs it, once per release",
@@ -258,6 +260,14 @@ def state_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def own_state(state_of_tests: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing that a test runs keeps state in the home of whoever runs the tests."""
     monkeypatch.setenv("ATLANTIS_STATE", str(state_of_tests))
+
+
+@pytest.fixture(autouse=True, scope="session")
+def weak_seals() -> Iterator[None]:
+    """Seal with a passphrase at once; tests/unit/vpn_pki/test_pki_seal.py asks for the real strength."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pyrage.passphrase, "encrypt", weak_age.encrypt)
+        yield
 
 
 @pytest.fixture(autouse=True)
