@@ -314,19 +314,19 @@ class _Converter:
     def _wrong(self, node: yaml.Node, message: str, hint: str) -> None:
         self.findings.append(Finding.at(self._mark(node), message, hint))
 
-    def _node(self, node: yaml.Node) -> Node:
+    def _node(self, node: yaml.Node, key: Mark | None = None) -> Node:
         if id(node) in self.seen:
             self._alias(node)
-            return Node(self._mark(node), None, reported=True)
+            return Node(self._mark(node), None, key=key, reported=True)
         self.seen.add(id(node))
         if isinstance(node, yaml.MappingNode):
             self._expect_tag(node, "map")
             jinja = any(isinstance(key, yaml.MappingNode) for key, _ in node.value)
-            return Node(self._mark(node), self._mapping(node), reported=jinja)
+            return Node(self._mark(node), self._mapping(node), key=key, reported=jinja)
         if isinstance(node, yaml.SequenceNode):
             self._expect_tag(node, "seq")
-            return Node(self._mark(node), [self._node(item) for item in node.value])
-        return self._scalar(node)
+            return Node(self._mark(node), [self._node(item) for item in node.value], key=key)
+        return self._scalar(node, key)
 
     def _expect_tag(self, node: MappingNode | SequenceNode, expected: str) -> None:
         if node.tag != _STANDARD + expected:
@@ -356,7 +356,7 @@ class _Converter:
                 continue
             is_block = key.start_mark.line in self.marked and value.start_mark.line > key.start_mark.line
             self.marked_blocks += is_block
-            result[name] = replace(self._node(value), key=self._mark(key))
+            result[name] = self._node(value, self._mark(key))
             self.marked_blocks -= is_block
             if joined:
                 result[name] = replace(result[name], reported=True)
@@ -378,28 +378,29 @@ class _Converter:
             return None
         return str(key.value)
 
-    def _scalar(self, node: yaml.Node) -> Node:
-        marked = self.marked_blocks > 0 or node.start_mark.line in self.marked
-        return replace(self._read_scalar(node), example=marked)
-
-    def _read_scalar(self, node: yaml.Node) -> Node:
-        mark, text = self._mark(node), str(node.value)
-        plain = not getattr(node, "style", None)
+    def _scalar(self, node: yaml.Node, key: Mark | None) -> Node:
+        mark, text, errors = self._mark(node), str(node.value), len(self.findings)
+        example = self.marked_blocks > 0 or node.start_mark.line in self.marked
         if node.tag in {TAG, UNTAGGED}:
-            return Node(mark, self._secret(node, text))
+            return Node(mark, self._secret(node, text), key=key, example=example)
+        value, plain = self._value(node, text), not getattr(node, "style", None)
+        return Node(mark, value, text, plain, key, reported=len(self.findings) > errors, example=example)
+
+    def _value(self, node: yaml.Node, text: str) -> Scalar:
+        """The value of a plain or quoted scalar; its text if it is wrong."""
         kind = node.tag.removeprefix(_STANDARD)
         if kind not in _SCALARS:
             self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes")
-            return Node(mark, text, text, plain, reported=True)
-        if any(part in text for part in _JINJA):
+        elif any(part in text for part in _JINJA):
             self._wrong(node, _IS_JINJA, "write the value itself")
-            return Node(mark, text, text, plain, reported=True)
-        try:
-            value: Scalar = self.constructor.construct_object(node)
-        except (ValueError, yaml.YAMLError):
-            self._wrong(node, "this looks like a number or a date but is none", "write it in quotes")
-            return Node(mark, text, text, plain, reported=True)
-        return Node(mark, value, text, plain)
+        elif kind != "str":
+            try:
+                value: Scalar = self.constructor.construct_object(node)
+            except (ValueError, yaml.YAMLError):
+                self._wrong(node, "this looks like a number or a date but is none", "write it in quotes")
+            else:
+                return value
+        return text
 
     def _secret(self, node: yaml.Node, text: str) -> Secret:
         try:

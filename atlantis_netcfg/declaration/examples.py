@@ -19,6 +19,7 @@ DOCUMENTATION = tuple(IPv4Network(net) for net in ("192.0.2.0/24", "198.51.100.0
 """RFC 5737."""
 _NAMES = ("example", "example.com", "example.net", "example.org", "test", "invalid")
 """RFC 2606."""
+_ENDINGS = tuple(f".{name}" for name in _NAMES)
 SSH_KEY = "this SSH key"
 
 
@@ -73,7 +74,7 @@ def recognise(value: object) -> str | None:
         return f"what begins with {EXAMPLE_PREFIX}"
     if text.startswith(("ssh-", "ecdsa-", "sk-")) and " EXAMPLE" in text:
         return SSH_KEY
-    if any(text.lower().rstrip(".").endswith(f".{name}") or text.lower() == name for name in _NAMES):
+    if text.lower() in _NAMES or text.lower().rstrip(".").endswith(_ENDINGS):
         return f"{text} (a name of RFC 2606)"
     try:
         address = IPv4Address(text.partition("/")[0].strip())
