@@ -38,6 +38,8 @@ SETTLED_S = 120
 _BEGUN, _IN_USE, _HOLDING = "4", "5", "6"
 _OVERRIDES = frozenset({_BEGUN, _IN_USE, _HOLDING})
 _DEFAULT = "0.0.0.0/0"
+_JOB_STEP = RunTime(ROUTES, "distance", _BEGUN, _IN_USE)
+"""What the first run of the job changes."""
 _UNJUDGED = ", not probed"
 _STAMP = "%Y-%m-%d %H:%M"
 _COMMENT = re.compile(rf"{MARK}: (\S+) in use until (\d{{4}}-\d\d-\d\d \d\d:\d\d) UTC, uptime (\d+)s")
@@ -147,7 +149,7 @@ def begun(declared: Desired, use: LinkUse, since_uptime_s: int, addresses: Mappi
 
 def _run_time_begun(declared: Desired, link: str) -> Iterator[RunTime]:
     """What netwatch and the job make of the routes of a link in use."""
-    yield RunTime(ROUTES, "distance", _BEGUN, _IN_USE)
+    yield _JOB_STEP
     for item in _routes(declared, link):
         for each in declared.run_time:
             if (each.menu, each.name, each.declared) == (ROUTES, "distance", item.given["distance"]):
@@ -163,6 +165,7 @@ def ended(declared: Desired) -> Desired:
         entire=frozenset(),
         undeclared={},
         partial=frozenset({ROUTES}),
+        run_time=(*declared.run_time, _JOB_STEP),
         remarks=(),
     )
 

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from engine_bench import Bench, on
+from engine_bench import Bench, Meddler, on
 from test_sites import bench, declaration
 
 from atlantis_netcfg.bearers.policy import active_bearer
@@ -230,6 +230,21 @@ def test_it_is_prolonged_shortened_moved_and_ended(tmp_path: Path) -> None:
         assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
         again = await bench.converge(desired=ended(desired.read(bench.text)))
         assert again.status is Status.UNCHANGED
+
+    on(router(tmp_path), act)
+
+
+@pytest.mark.parametrize("nth", [1, 2])
+def test_the_job_may_run_while_the_use_is_ended(tmp_path: Path, nth: int) -> None:
+    """Its first run moves the distances from 4 to 5: that is nobody else's change."""
+
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        await begin(bench, "satellite")
+        meddler = Meddler("/ip/route/print", lambda: asyncio.sleep(TICK_S), nth=nth)
+        over = await bench.converge(desired=ended(desired.read(bench.text)), connect=meddler.connect)
+        assert over.status is Status.CHANGED, over.message
+        assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
 
     on(router(tmp_path), act)
 
