@@ -1,15 +1,10 @@
 """A real record of a real site: paid for first, kept beside the other records, and honest about who did not answer."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from quay import ROUTER, Quay, quay
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

@@ -1,20 +1,16 @@
 """Real runs over links that are paid by the byte: asked first, counted, billed, whatever door they come in by."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from quay import ROUTER, Quay, quay
 
 from atlantis_netcfg.journal import CostCounted, Store
 from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

@@ -1,21 +1,17 @@
 """`rollback`, `resume` and `backup` can be planned and rehearsed: the real device, its journal and its states stay."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hints_said import advised
 from quay import PROVISION, ROUTER, Quay, quay
 from test_real_run import await_record, kill_workers
 from waiting import wait_until
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

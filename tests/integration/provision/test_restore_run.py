@@ -1,22 +1,17 @@
 """`provision restore`: the router has drowned, and another box from the shelf takes its place."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from quay import PROVISION, ROUTER, Quay, quay
 from test_real_run import await_record, kill_workers
 
 from atlantis_netcfg.emulator.routeros import ManagementSpec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

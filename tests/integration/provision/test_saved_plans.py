@@ -1,9 +1,9 @@
 """A plan that is saved and carried out later: that plan and no other, or nothing."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
@@ -11,10 +11,6 @@ from hints_said import advised
 from quay import ROUTER, Quay, quay
 from terminal import terminal
 from waiting import HANG_S
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

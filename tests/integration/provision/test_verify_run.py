@@ -1,19 +1,14 @@
 """`provision verify` typed: rehearsed, and against a router that stands at its declared address."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from quay import Quay, quay
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 IDS = [each.id for each in ASSUMPTIONS]
 
