@@ -113,10 +113,6 @@ class World:
         """The bearers that carried traffic, one after the other."""
         return [name for _, name in self.seen]
 
-    def since_change(self) -> float:
-        """Seconds since another bearer took over."""
-        return self.now - self.seen[-1][0]
-
     def reboot(self) -> None:
         self.device.reboot()
         self.enter()

@@ -212,6 +212,12 @@ def quay(folder: Path, *others: User, seed: str = "") -> Iterator[Quay]:
         yield opened
 
 
+def fresh_quay(tmp_path: Path) -> Iterator[Quay]:
+    """What a fixture gives to tests that want no more than the router and its laptop."""
+    with quay(tmp_path) as opened:
+        yield opened
+
+
 def _inventory(folder: Path) -> Path:
     """A copy of the shipped inventory in which nothing is an example any more, and secrets are vaulted."""
     root = folder / "inventory"

@@ -1,13 +1,11 @@
 """Real runs over links that are paid by the byte: asked first, counted, billed, whatever door they come in by."""
 
 import json
-from collections.abc import Iterator
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import pytest
-from quay import ROUTER, Quay, quay
+from quay import ROUTER, Quay, fresh_quay
 
 from atlantis_netcfg.journal import CostCounted, Store
 from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
@@ -17,12 +15,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 HERE = ("site=coastal", f"only={ROUTER}")
 DEAR = (*HERE, "via=satellite")
 SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True)
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def connections(at: Quay) -> int:

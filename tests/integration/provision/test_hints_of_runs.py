@@ -2,23 +2,17 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hints_said import advised
-from quay import PROVISION, ROUTER, Quay, quay
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 
 from atlantis_netcfg.cli import main
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 RUN = ("site=coastal", f"only={ROUTER}", "--yes")
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def follow(at: Quay, command: list[str], code: int = 0) -> str:

@@ -5,24 +5,18 @@ import os
 import re
 import signal
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import preforked
 import pytest
 from hints_said import advised
-from quay import PROVISION, ROUTER, Quay, quay
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 from waiting import wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 RUN = ("site=coastal", f"only={ROUTER}", "--yes")
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def killed_between_pieces(at: Quay) -> str:

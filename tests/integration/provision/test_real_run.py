@@ -7,20 +7,14 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from quay import CHECKOUT, PROVISION, ROUTER, Quay, quay
+from quay import CHECKOUT, PROVISION, ROUTER, Quay, fresh_quay
 from waiting import wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 @pytest.mark.smoke

@@ -3,23 +3,16 @@
 import os
 import signal
 import subprocess
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hints_said import advised
-from quay import PROVISION, ROUTER, Quay, quay
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 from test_real_run import await_record, kill_workers
 from waiting import wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def untouched(at: Quay) -> tuple[str, list[dict[str, Any]]]:

@@ -4,11 +4,9 @@ import os
 import re
 import signal
 import subprocess
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-from quay import PROVISION, ROUTER, Quay, quay
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 from test_real_run import await_record, kill_workers
 
 from atlantis_netcfg.emulator.routeros import ManagementSpec
@@ -21,12 +19,7 @@ SMALL = {
     "board": "RB750Gr3",
     "management": ManagementSpec(port="ether5"),
 }
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def provisioned(at: Quay) -> str:

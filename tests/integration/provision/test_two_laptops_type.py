@@ -3,20 +3,14 @@
 import json
 import shutil
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from quay import PROVISION, ROUTER, Quay, quay
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def start(at: Quay, laptop: str, inventory: Path) -> subprocess.Popen[str]:

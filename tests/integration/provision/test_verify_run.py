@@ -1,11 +1,10 @@
 """`provision verify` typed: rehearsed, and against a router that stands at its declared address."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from quay import Quay, quay
+from quay import Quay, fresh_quay
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
@@ -37,10 +36,7 @@ def test_a_device_that_is_no_router_or_not_there_is_refused(
     assert "did you mean `device=coastal-router`?" in capsys.readouterr().err
 
 
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 @pytest.mark.smoke
