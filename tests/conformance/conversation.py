@@ -1,15 +1,11 @@
 """What every client of the API goes through; the file of each says which program it is and what it calls things."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Iterator
+from typing import ClassVar
 
 import pytest
 from intent import CALLS, MENUS, PINGS, REFUSALS, RULES, TAMPERED, TEXTS, is_put_right, shortfalls
 from stand import PRESENT, Stand, stand, text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 __all__ = ["Conversation"]
 

@@ -1,24 +1,18 @@
 """Playbooks of community.routeros as its guides show them: what they say of our intent, and how they are run."""
 
-from __future__ import annotations
-
 import json
 import subprocess
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import yaml
 from intent import MENUS, NOT_IN_COMMUNITY
-from stand import STRANGERS, environment, text
+from stand import STRANGERS, Stand, environment, text
 from waiting import HANG_S
 
 from atlantis_netcfg.routeros import desired
 from atlantis_netcfg.routeros.menus import MENUS as TABLE
 from atlantis_netcfg.routeros.menus import Shape
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from stand import Stand
 
 __all__ = ["intent_tasks", "menu_of", "path_of", "play"]
 

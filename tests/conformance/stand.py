@@ -4,35 +4,28 @@ Their programs stand in `clients/` and run in `.venv-strangers` (`make test` mak
 JSON object given as argument, and answer one on their standard output.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os
 import ssl
 import subprocess
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, User, spawn
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, User, WireBehaviour, spawn
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Status, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.routeros import WireBehaviour
 
 ROOT = Path(__file__).resolve().parents[2]
 STRANGERS = ROOT / ".venv-strangers"

@@ -1,8 +1,6 @@
 """community.routeros out of the PyPI package `ansible` 12.3 against the emulated router."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import pytest
 from intent import MENUS, NOT_IN_COMMUNITY, PINGS, TAMPERED, is_put_right, shortfalls
@@ -10,9 +8,6 @@ from stand import PRESENT, STRANGER, Stand, stand
 
 from atlantis_netcfg.rsc import parse
 from playbooks import intent_tasks, path_of, play
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = [PRESENT, pytest.mark.slow]
 

@@ -1,15 +1,9 @@
 """librouteros 4.2 against the emulated router."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pytest
 from conversation import Conversation
 from intent import CALLS, PINGS, RULES
-
-if TYPE_CHECKING:
-    from stand import Stand
+from stand import Stand
 
 
 @pytest.mark.smoke

@@ -1,17 +1,10 @@
 """mikronode 2.3 against an emulated router of before 7.18: it does not know `!empty`, and waits for ever."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from conversation import Conversation
-from stand import PRESENT, stand
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from stand import Stand
+from stand import PRESENT, Stand, stand
 
 
 class TestMikronode(Conversation):

@@ -1,18 +1,13 @@
 """napalm-ros 1.6 against the emulated router."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from intent import TAMPERED, is_put_right
 from stand import PRESENT, Stand, stand
 
 from atlantis_netcfg.rsc import parse
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [PRESENT, pytest.mark.slow]
 

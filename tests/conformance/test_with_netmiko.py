@@ -1,17 +1,12 @@
 """netmiko 4.8 (`mikrotik_routeros`) against the console of the emulated router."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import pytest
 from intent import TAMPERED, is_put_right
 from stand import PRESENT, Stand, stand
 
 from atlantis_netcfg.rsc import parse
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = [PRESENT, pytest.mark.slow]
 

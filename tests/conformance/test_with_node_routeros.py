@@ -1,17 +1,10 @@
 """node-routeros 1.6 against an emulated router of before 7.18: it does not survive `!empty`."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from conversation import Conversation
-from stand import PRESENT, stand
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from stand import Stand
+from stand import PRESENT, Stand, stand
 
 
 class TestNodeRouteros(Conversation):

@@ -1,14 +1,8 @@
 """RouterOS-api 0.21 against the emulated router."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from conversation import Conversation
 from intent import CALLS, PINGS, RULES
-
-if TYPE_CHECKING:
-    from stand import Stand
+from stand import Stand
 
 
 class TestRouterosApi(Conversation):

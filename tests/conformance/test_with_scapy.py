@@ -1,14 +1,14 @@
 """scapy 2.8 (`contrib.stamp`) judges our packets, sends, and is the far end. It has the unauthenticated mode only."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from stand import PRESENT, run
@@ -26,15 +26,9 @@ from atlantis_netcfg.qualify.reflector.stamp import (
     padding,
     unix_ns,
 )
-from atlantis_netcfg.qualify.samples import ReplyReceived
+from atlantis_netcfg.qualify.samples import ReplyReceived, Sample
 from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan
 from atlantis_netcfg.qualify.transport import UdpTransport
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from atlantis_netcfg.qualify.samples import Sample
 
 pytestmark = [PRESENT, pytest.mark.slow]
 

@@ -5,8 +5,6 @@ repeated), `{file, content}`, `{remove}`, `{rename, to}`.
 `python tests/errors/inventory_cases.py` writes the expected texts anew: read the difference before you commit it.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

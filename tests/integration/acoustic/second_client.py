@@ -1,7 +1,5 @@
 """A second, small client for each language, written from devices.md and nothing of ours, to hold the twins to it."""
 
-from __future__ import annotations
-
 import binascii
 import socket
 from typing import Self

@@ -1,30 +1,22 @@
 """The emulated modems on their sockets: asked by a client of its own, and by our probes through the real ear."""
 
-from __future__ import annotations
-
 import asyncio
 import struct
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from second_client import AtClient, BeaconClient, Wire
 
 from atlantis_netcfg.checklist import Scope, plan
-from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Probe, acoustic, usbl
-from atlantis_netcfg.checklist.runner import ask_here, examine
+from atlantis_netcfg.checklist.probes import Answer, Cell, Judged, Listen, Place, Probe, acoustic, usbl
+from atlantis_netcfg.checklist.runner import OnAnswer, ask_here, examine
+from atlantis_netcfg.checklist.runner.results import Questions
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.loading import load
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer, Judged
-    from atlantis_netcfg.checklist.runner import OnAnswer
-    from atlantis_netcfg.checklist.runner.results import Questions
-    from atlantis_netcfg.declaration import Declaration
 
 Twin = RunningEvologics | RunningSeatrac
 ROOT = Path(__file__).parents[3]

@@ -3,8 +3,6 @@
 Its arguments: what the twin says about itself as JSON, the state folder, `via`, n, and `before` or `after`.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal

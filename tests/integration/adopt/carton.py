@@ -1,24 +1,19 @@
 """A router twin in its box, and the laptop that adopts it: in this process, or in one that can be killed."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
 from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
 from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.core.events import Event
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 ROUTER = "scc-router"

@@ -1,10 +1,8 @@
 """First contact with a router in its box: what it leaves behind, what it refuses, what it says."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from carton import ROUTER, Carton, adopted_export, carton
@@ -17,9 +15,6 @@ from atlantis_netcfg.console.types import HostKeyChanged, LoginFailed
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.emulator.routeros import DeviceMode, DeviceModeName, User
 from atlantis_netcfg.journal import ContactStep, ContactStepDone, Outcome, Pinned, Store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 __all__ = ["laptop"]
 pytestmark = pytest.mark.slow

@@ -1,9 +1,9 @@
 """First contact with one end of a Wi-Fi bridge: one port, so that the laptop changes its address and not its socket."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from carton import QUICK, declaration
@@ -14,10 +14,6 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
 from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
 from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 CPE, ADDRESS = "coastal-cpe", "10.10.0.4"

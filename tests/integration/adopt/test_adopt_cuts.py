@@ -1,14 +1,13 @@
 """First contact is cut at every command that it types, before and after, and repeated to success."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import pytest
 from carton import CHANGES, ROUTER, Carton, adopted_export, carton
@@ -16,10 +15,6 @@ from carton import CHANGES, ROUTER, Carton, adopted_export, carton
 from atlantis_netcfg.console.terminal import Terminal
 from atlantis_netcfg.console.types import ConsoleLost
 from atlantis_netcfg.core.errors import NetcfgError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from typing import Any
 
 pytestmark = pytest.mark.slow
 

@@ -1,16 +1,11 @@
 """Every line that first contact types is in the command tree of the router's version."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from carton import carton
 from heard import listening
 from trees import Tree
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,7 +1,5 @@
 """`make bench` still runs: our own part and a peer or two, on one twin, on two, and for two devices of a VPN."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

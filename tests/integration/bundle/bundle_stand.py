@@ -1,28 +1,20 @@
 """A target of another architecture, archives of stand-ins for it, and bundles made from them."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, BundleSize, make
-from atlantis_netcfg.bundle.manifest import Keys
+from atlantis_netcfg.bundle.manifest import Keys, Manifest
 from atlantis_netcfg.bundle.requirements import (
     HostRequirements,
+    Library,
     PackageRequirement,
     PackageSource,
     RequirementKey,
     read_target,
 )
-from atlantis_netcfg.emulator.lab.stubs import StubPackage, publish
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.bundle.manifest import Manifest
-    from atlantis_netcfg.bundle.requirements import Library
-    from atlantis_netcfg.emulator.lab.stubs import StubArchive
+from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish
 
 HOST = "coastal-gateway"
 KEYRING = "/usr/share/keyrings/stand-ins.gpg"

@@ -1,7 +1,5 @@
 """`provision bundle` as a technician types it, against a mirror of stand-ins on the loopback."""
 
-from __future__ import annotations
-
 import functools
 import gzip
 import json
@@ -12,10 +10,11 @@ import shutil
 import stat
 import subprocess
 import threading
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -29,9 +28,6 @@ from atlantis_netcfg.declaration.model import Gateway, ImageLayout
 from atlantis_netcfg.emulator.lab.stubs import publish
 from atlantis_netcfg.operations.bundle import from_image, wish_of
 from atlantis_netcfg.operations.request import Request
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 ROOT = Path(__file__).resolve().parents[3]
 SUITES = ("focal", "focal-updates", "focal-security")

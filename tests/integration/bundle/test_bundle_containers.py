@@ -1,10 +1,8 @@
 """Images of containers in a bundle: the archive of the inventory, by its declared SHA-256, and nothing else."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from bundle_stand import HOST, Laptop, arm64
@@ -15,9 +13,6 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import HostedService, Ros1Bridge, ServerComputer
 from atlantis_netcfg.operations.bundle import wish_of
 from atlantis_netcfg.operations.request import Request
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.fixture

@@ -1,15 +1,15 @@
 """The library's sources in a bundle: fetched by token with their submodules, and found by the board's own git."""
 
-from __future__ import annotations
-
 import socket
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from bundle_stand import HOST, Laptop
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
+from atlantis_netcfg.bundle.manifest import Manifest
 from atlantis_netcfg.bundle.open import open_bundle
 from atlantis_netcfg.bundle.requirements import BundleRefused, Library
 from atlantis_netcfg.emulator.lab.stubs.interop import (
@@ -20,12 +20,6 @@ from atlantis_netcfg.emulator.lab.stubs.interop import (
     make_interop,
     serve_git,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from atlantis_netcfg.bundle.manifest import Manifest
 
 TOKEN = "glpat-not-to-be-seen"
 

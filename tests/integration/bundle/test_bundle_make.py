@@ -1,14 +1,12 @@
 """Bundles made by the real apt, for a board of another architecture, from a signed archive of stand-ins."""
 
-from __future__ import annotations
-
 import lzma
 import os
 import shutil
 import subprocess
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from bundle_stand import HOST, KEYRING, Laptop, arm64, status
@@ -17,9 +15,6 @@ from atlantis_netcfg.bundle.manifest import signed_by
 from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
 from atlantis_netcfg.bundle.requirements import BundleRefused, RequirementKey
 from atlantis_netcfg.emulator.lab.stubs import publish
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PACKAGES = (
     arm64("ros-foxy-ros-base", "0.9.2-1focal", "ros-foxy-core (>= 0.9)", "libc6 (>= 2.31)"),

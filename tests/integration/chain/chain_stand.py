@@ -13,16 +13,14 @@ No radio is here: the access point's radio and the three links are pairs of veth
 352 and 704 kbit/s), by the relay of tests/integration/vpn, for not every kernel has netem.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from dds_stand import Participant
 from matrix_papers import guest, host
@@ -32,6 +30,7 @@ from satellite_stage import ROBOT as ACCESS_POINT
 from satellite_stage import Stage, stage
 from slow_link import Link
 
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import BearerKind, DdsPeer
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.dds import (
@@ -45,11 +44,6 @@ from atlantis_netcfg.gateway.dds import (
 )
 from atlantis_netcfg.gateway.reflector import PROGRAM, SERVICE
 from atlantis_netcfg.vpn.identity import MemberKind
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.declaration import Declaration
 
 SITE, VEHICLE = "coastal", "zarco"
 GATEWAY, CENTRE = "coastal-gateway", "scc-control"

@@ -5,27 +5,20 @@ is a pair of veth, and what the router says of its tunnel is data (chain_stand.p
 the route of the namespace that stands for the router; how a router changes it is for tests/integration/failover.
 """
 
-from __future__ import annotations
-
 import itertools
 import time
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from chain_stand import BEARERS, CENTRE, GATEWAY, MEMBERS, ROBOT, Chain, chain, end, reflect
 from matrix_stand import SERVER
 from own_asked import check, findings, inside
 
-from atlantis_netcfg.checklist.probes import LinkStatusResult, Rows
+from atlantis_netcfg.checklist.probes import Answer, LinkStatusResult, Rows
+from atlantis_netcfg.checklist.probes.step import Judged
 from atlantis_netcfg.declaration import load
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.checklist.probes.step import Judged
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

@@ -1,19 +1,14 @@
 """`pytest checks/` on a rehearsal: the checklist's items as tests, with JUnit out of the box."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.paths import checkout
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,21 +1,16 @@
 """`provision check --rehearse` on a terminal: Ctrl+C at a question, and the same command goes on to a signature."""
 
-from __future__ import annotations
-
 import os
 import select
 import subprocess
 import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
 
 import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.cli import main
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 pytestmark = pytest.mark.slow
 

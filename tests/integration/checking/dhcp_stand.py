@@ -3,23 +3,18 @@
 from dhcp_stand import Segment, segment   # a fixture; the tests are marked `namespace`
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 import signal
 import subprocess
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.checklist.probes import DhcpDiscoverRequest, DhcpOffers, Place
 from atlantis_netcfg.checklist.runner import ask_here
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 CABLE = "10.64.9.7"
 """Address of the interface that asks, which no server has given it."""

@@ -3,21 +3,14 @@
 What the gateway's programs print is real, and comes through the program that listens; what its router says is data.
 """
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import Cell, DdsDiscoverRequest, ReflectRequest, RunProgram
+from atlantis_netcfg.checklist.probes import Answer, Cell, DdsDiscoverRequest, Judged, Probe, ReflectRequest, RunProgram
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.runner import ask_here
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer, Judged, Probe
-    from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.declaration import Declaration
 
 SITE, GATEWAY = "coastal", "coastal-gateway"
 _Asked = RunProgram | DdsDiscoverRequest | ReflectRequest

@@ -1,15 +1,14 @@
 """The check of DDS on a computer where real participants run: with the site's profile, without, and on `lo` alone."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO
 
 import pytest
 from own_asked import GATEWAY, check, findings, inside
@@ -17,9 +16,6 @@ from waiting import wait_until
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.gateway.dds import profile_views, profiles
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

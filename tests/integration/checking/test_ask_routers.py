@@ -1,26 +1,19 @@
 """The questions to RouterOS devices, against emulated ones: one session each, and none takes another down."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.bearers.status import Query
-from atlantis_netcfg.checklist.probes import Place, RouterOsQuery, Rows, Trouble
+from atlantis_netcfg.checklist.probes import Answer, Place, RouterOsQuery, Rows, Trouble
 from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.core.events import Event
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 ROUTER, CPE = "coastal-router", "coastal-cpe"

@@ -3,31 +3,23 @@
 The bridge of the shipped pilot stands for both: its access point is the one that is asked, its other end the vehicle.
 """
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import Cell, CommandResult, Place, RouterOsQuery
+from atlantis_netcfg.checklist.probes import Cell, CommandResult, Judged, Place, RouterOsQuery
 from atlantis_netcfg.checklist.probes.wifi import steps
 from atlantis_netcfg.checklist.runner import RealEars
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Cpe, PtpProtocol, RadioMenus, WifiEndpoint
-from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
+from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, TwinSpec
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.render import cpe
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.checklist.probes import Judged
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.routeros import TwinSpec
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 POINT, STATION, VEHICLE = "scc-cpe", "coastal-cpe", "zarco"

@@ -1,23 +1,16 @@
 """The check of the VPN on a member of a real OpenVPN: the tunnel is up, its server dies, its client ends."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from matrix_papers import host
 from matrix_stand import SERVER, Vpn, vpn
 from own_asked import GATEWAY, check, findings, inside
 
-from atlantis_netcfg.checklist.probes import LinkStatusResult, Rows
+from atlantis_netcfg.checklist.probes import Answer, Judged, LinkStatusResult, Rows
 from atlantis_netcfg.declaration import load
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer, Judged
 
 pytestmark = pytest.mark.namespace
 SHIPPED = load(Path(__file__).parents[3] / "inventory")

@@ -1,7 +1,5 @@
 """The probing for DHCP servers, against Debian's dnsmasq: every server is found, and none gives an address away."""
 
-from __future__ import annotations
-
 import pytest
 from dhcp_stand import CABLE, Segment, segment  # noqa: F401 - a fixture
 

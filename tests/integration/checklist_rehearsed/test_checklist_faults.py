@@ -1,32 +1,24 @@
 """Each thing that can be broken in a rehearsal turns exactly the items that it concerns; these say what mends it."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.checklist import plan
-from atlantis_netcfg.checklist.report import ItemKind
+from atlantis_netcfg.checklist.report import Item, ItemKind
 from atlantis_netcfg.checklist.runner import examine
 from atlantis_netcfg.checklist.runner.simulated import FAULTS, rehearsed_ears
 from atlantis_netcfg.checklist.runner.simulated._faults import ROUTER_FAULTS as OF_ROUTERS
 from atlantis_netcfg.cli import checklist
 from atlantis_netcfg.cli._arguments import parse
-from atlantis_netcfg.cli._session import session
+from atlantis_netcfg.cli._session import CommandSession, session
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.computers._access import is_computer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.cli._session import CommandSession
 
 pytestmark = pytest.mark.slow
 

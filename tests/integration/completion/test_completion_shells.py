@@ -1,7 +1,5 @@
 """Tab in real shells: bash, zsh and fish complete lines of `provision` on a terminal, as a person sees it."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty
@@ -13,19 +11,16 @@ import struct
 import subprocess
 import sys
 import termios
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pyte
 import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.journal import RunStarted, Store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = pytest.mark.slow
 COLUMNS, ROWS = 100, 40

@@ -1,7 +1,5 @@
 """Runs in a network namespace of its own: makes a LAN of one card, runs the programs, and prints what they printed."""
 
-from __future__ import annotations
-
 import json
 import socket
 import subprocess

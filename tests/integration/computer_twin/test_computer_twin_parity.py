@@ -1,16 +1,15 @@
 """The twin of a computer beside the programs themselves, which run in a network namespace of their own."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from waiting import HANG_S
@@ -29,9 +28,6 @@ from atlantis_netcfg.emulator.linux import (
     UdpSpec,
 )
 from atlantis_netcfg.emulator.routeros.certificates import issue
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 pytestmark = pytest.mark.namespace
 

@@ -7,28 +7,23 @@ The computers have their declared addresses and nothing else; the router passes 
 it says in lines, which a thread keeps; waiting is for lines, not for time.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import re
 import subprocess
 import threading
 import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from matrix_papers import host
 from matrix_stand import Vpn, vpn
 from waiting import wait_until
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.declaration import Declaration
 
 GATEWAY, ROUTER, CENTRE = "gateway", "router", "centre"
 DEFAULT_DOMAIN = 12

@@ -6,30 +6,22 @@ versions (Cyclone DDS 0.10.2, Fast DDS 2.9.1) stand for those of Humble and Jazz
 2.1).
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from dds_stand import CENTRE, DEFAULT_DOMAIN, GATEWAY, Participant, Stand, Tunnelled, routed, speak, tunnelled
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Dds, DdsPath, RosDistribution
-from atlantis_netcfg.gateway.dds import GAP_S, profile_views, profiles
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.gateway.dds import ProfileView
+from atlantis_netcfg.gateway.dds import GAP_S, ProfileView, profile_views, profiles
 
 PROGRAMS = Path(__file__).with_name("programs")
 SHIPPED = Path(__file__).parents[3] / "inventory"

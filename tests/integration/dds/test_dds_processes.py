@@ -1,7 +1,5 @@
 """As many processes of Cyclone DDS as are declared find an index on one computer, and no more."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -8,8 +8,6 @@ The times are shorter than those of a pilot, so that a minute is enough: the fig
 Delay and rates are the declared ones of the satellite (`slow_link.py`). No packet is lost; real airtime loses some.
 """
 
-from __future__ import annotations
-
 import re
 import socket
 import sys
@@ -17,7 +15,6 @@ import time
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from dds_stand import Participant
@@ -27,17 +24,13 @@ from slow_link import DELAY_S, DOWN_BPS, UP_BPS
 from waiting import HANG_S
 
 from atlantis_netcfg.bearers.standing import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, published
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
 from atlantis_netcfg.declaration.satellite_allow_list import allowed
-from atlantis_netcfg.gateway.dds import TUNING, profile_in_use, profile_views, profiles
+from atlantis_netcfg.gateway.dds import TUNING, ProfileView, profile_in_use, profile_views, profiles
 from atlantis_netcfg.operations.standing import declared_pace, standing_traffic
 from atlantis_netcfg.vpn import server as vpn_server
 from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.gateway.dds import ProfileView
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

@@ -6,17 +6,15 @@ counted. In CI over plain routing; as a campaign also inside a real OpenVPN over
 heartbeats and fragments are repeated. No packet is lost; nothing here is a ROS node.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from dds_stand import CENTRE, GATEWAY, Participant, Stand, routed, tunnelled
@@ -24,14 +22,9 @@ from slow_link import DELAY_S, UP_BPS
 from waiting import wait_until
 
 from atlantis_netcfg.bearers.standing import NO_VPN, DdsMessages, LinkPace, SteadyTopic
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Dds, DdsPath, RosDistribution, RosMiddleware
 from atlantis_netcfg.gateway.dds import SIZES, profile_views, profiles
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from atlantis_netcfg.declaration import Declaration
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

@@ -7,19 +7,18 @@
 The tests are marked `namespace`. What a doctor advises is typed there as it was printed, without `sudo`.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import preforked
 import pytest
@@ -29,9 +28,6 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 from quay import _inventory
 from waiting import HANG_S
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 SITE, ROUTER = "coastal", "coastal-router"
 ADDRESS, MINE = "10.64.101.1", "10.64.101.10/24"

@@ -3,8 +3,6 @@
 It imports nothing of ours: it is started for each test.
 """
 
-from __future__ import annotations
-
 import socket
 import ssl
 import sys

@@ -1,16 +1,11 @@
 """`provision doctor` and the password of the vault: missing, wrong, typed; none is shown or kept, and no secret."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from quay import _VAULT_PASSWORD, _inventory
 from test_vault_run import QUESTION, _left_nowhere, typed
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,16 +1,11 @@
 """`provision doctor site=…` on a real network: what it says of each state, and that what it advises helps."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from laptop_stand import MINE, LaptopStand, laptop
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

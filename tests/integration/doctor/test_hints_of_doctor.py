@@ -1,19 +1,15 @@
 """What `provision doctor` advises towards a real router leads on: it is typed as it was printed."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hints_said import advised
 from quay import ROUTER, Quay, quay
 
 from atlantis_netcfg.journal import Store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

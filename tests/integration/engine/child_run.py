@@ -3,25 +3,21 @@
 python child_run.py {"host": ..., "port": ..., "pin": ..., "state": ..., "text": ..., "mode": ..., ...}
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os
 import resource
 import signal
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
 from atlantis_netcfg.journal.log import LogEntry, line
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, JobMode, Patience, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 STARTED = RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
 

@@ -1,29 +1,21 @@
 """The engine against a router twin on real sockets, in one event loop and in time that jumps."""
 
-from __future__ import annotations
-
 import asyncio
 import selectors
 import time
+from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from pathlib import Path
+from typing import Any, Self, TypeVar
 
+from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterSpec, User
+from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterLink, RouterSpec, User, WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.link import Faults
 from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, converge, desired
-from atlantis_netcfg.routeros.api import Session
-from atlantis_netcfg.routeros.apply import SshEndpoint
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.core.events import Event
-    from atlantis_netcfg.emulator.routeros import RouterLink, WireBehaviour
-    from atlantis_netcfg.routeros.api import Command, Reply
-    from atlantis_netcfg.routeros.apply import Channel
+from atlantis_netcfg.routeros.api import Command, Reply, Session
+from atlantis_netcfg.routeros.apply import Channel, SshEndpoint
 
 T = TypeVar("T")
 PASSWORD = "open sesame"

@@ -1,9 +1,7 @@
 """Runs in which nothing goes wrong."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from engine_bench import TEXT, Bench, leases, on, without_header
@@ -22,10 +20,6 @@ from atlantis_netcfg.journal import (
     StateSaved,
 )
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, desired
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 HANDSHAKE = 3
 """Round trips of TCP's and of TLS 1.2's."""

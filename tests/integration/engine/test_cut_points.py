@@ -1,21 +1,16 @@
 """A run is cut at every sentence in every way: the router ends as before or as declared, as the status says."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
 import pytest
 from engine_bench import TEXT, Bench, leases, on
 
 from atlantis_netcfg.emulator.routeros import Deviation, Execute, FaultKind, LinkFault
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 GAP_S = 70.0
 LONG = TEXT + leases(70)

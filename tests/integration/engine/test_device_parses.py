@@ -1,9 +1,8 @@
 """What the device's own parser would refuse is refused before anything is sent, at no round trip of its own."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from engine_bench import PASSWORD, TEXT, Bench, leases, on
@@ -13,10 +12,6 @@ from atlantis_netcfg.emulator.routeros import User
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, desired
 from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.menus import MENUS, Field
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 VERSIONS = ("7.16", "7.18.2", "7.21.5", "7.24")
 NAMED_FROM = ("7.23", "7.24")

@@ -1,26 +1,18 @@
 """The byte counters of ports, read along: what they say, what they cost, and what a reboot makes of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from engine_bench import Bench, run
 
 from atlantis_netcfg.emulator.routeros import RouterLink
-from atlantis_netcfg.routeros import Status
+from atlantis_netcfg.routeros import DeviceResult, Status
+from atlantis_netcfg.routeros._types import Observed
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.apply import Admission
-from atlantis_netcfg.routeros.estimate import BearerProfile, on_the_wire
+from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate, on_the_wire
 from atlantis_netcfg.routeros.observe import counting, looks, read_counts, seconds
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.routeros import DeviceResult
-    from atlantis_netcfg.routeros._types import Observed
-    from atlantis_netcfg.routeros.estimate import Estimate
 
 SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True)
 

@@ -1,8 +1,7 @@
 """Reading a router to say what differs: never anything else than reading, however it ends; and what runs keep."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NoReturn
+from pathlib import Path
+from typing import NoReturn
 
 import pytest
 from engine_bench import TEXT, Bench, leases, on
@@ -10,9 +9,6 @@ from engine_bench import TEXT, Bench, leases, on
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.drift import DriftKind, Since
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 WANTED_MORE = TEXT + leases(1)
 

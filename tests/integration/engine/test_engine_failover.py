@@ -1,18 +1,13 @@
 """The engine beside a router that moves its own routes: what netwatch does is neither drift nor put right."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from engine_bench import Bench, on
 from test_sites import bench
 
 from atlantis_netcfg.routeros import JobMode, Status
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PTP = ("198.51.100.11", "198.51.100.12")
 LTE = ("198.51.100.21", "198.51.100.22")

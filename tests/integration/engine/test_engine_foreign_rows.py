@@ -1,9 +1,8 @@
 """Rows of others by the hundred in a menu that is ours entirely: counted, told, agreed to apart, and gone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from engine_bench import TEXT, Bench, Meddler, on
@@ -14,9 +13,6 @@ from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.commands import executed
 from atlantis_netcfg.routeros.estimate import BearerProfile
 from bench.proxy import Count, Proxy, Shape
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 OURS = "# atlantis:entire /ip firewall address-list\n" + TEXT
 LISTS = "/ip/firewall/address-list"

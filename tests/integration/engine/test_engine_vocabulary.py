@@ -1,8 +1,8 @@
 """Every sentence and every line that the engine says to a twin is in the command tree of that twin's version."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
 
 import pytest
 from engine_bench import TEXT, Bench, leases, on
@@ -13,10 +13,6 @@ from trees import Tree
 from atlantis_netcfg.routeros import JobMode
 from atlantis_netcfg.routeros.desired import from_export, read
 from atlantis_netcfg.routeros.menus import MENUS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
-    from pathlib import Path
 
 CHANGED = (
     TEXT.replace("1h name=lan", "2h name=lan")

@@ -1,10 +1,9 @@
 """Runs in which something goes wrong after the first change: the router ends as before or as declared, and says so."""
 
-from __future__ import annotations
-
 import asyncio
 import shutil
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from engine_bench import TEXT, Bench, Meddler, leases, on
@@ -12,14 +11,10 @@ from engine_bench import TEXT, Bench, Meddler, leases, on
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.emulator.routeros import Execute, FaultKind, LinkFault, WireBehaviour
+from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.journal import ActionsAcknowledged, Journal, JournalFailed, Record
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status, converge, fleet
 from atlantis_netcfg.routeros.apply import _change, _executor, _settle
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.emulator.routeros.answers import Answer
 
 MANAGEMENT = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
 LIST = "/ip firewall address-list\n" + "".join(

@@ -1,25 +1,18 @@
 """Many devices at once: a dead one holds nobody up, and every one gets its own word."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from engine_bench import TEXT, Bench, run
 
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink
 from atlantis_netcfg.operations.bearers import LAN, PATIENCE_S, patient
-from atlantis_netcfg.routeros import DeviceResult, Endpoint, JobMode, Patience, Status, fleet
+from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Patience, Status, fleet
 from atlantis_netcfg.routeros.api import Session
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.routeros import DeviceJob
-    from atlantis_netcfg.routeros.apply import Channel
+from atlantis_netcfg.routeros.apply import Channel
 
 
 @dataclass

@@ -1,15 +1,14 @@
 """The process is killed at every record of its journal, or its disk is full: nothing is lost, and `resume` goes on."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from engine_bench import PASSWORD, TEXT, leases, without_header
@@ -17,9 +16,6 @@ from waiting import wait_until
 
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 from atlantis_netcfg.journal import Run, Store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CHILD = Path(__file__).with_name("child_run.py")
 RECORDS = 14

@@ -1,37 +1,28 @@
 """A link in use for a time: the order moves, is told, and comes back by itself, whoever dies and whatever the clock."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Coroutine, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from engine_bench import Bench, Meddler, on
 from test_sites import bench, declaration
 
-from atlantis_netcfg.bearers.policy import active_bearer
+from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault
 from atlantis_netcfg.emulator.routeros.spec import DeviceMode, DeviceModeName
 from atlantis_netcfg.operations.costs import ways_of
-from atlantis_netcfg.routeros import JobMode, Status, desired
-from atlantis_netcfg.routeros.api import Session, SessionLost, Unreachable
-from atlantis_netcfg.routeros.apply import Patience
+from atlantis_netcfg.routeros import DeviceResult, Endpoint, JobMode, Status, desired
+from atlantis_netcfg.routeros.api import Command, Reply, Session, SessionLost, Unreachable
+from atlantis_netcfg.routeros.apply import Channel, Patience
+from atlantis_netcfg.routeros.desired import Desired
 from atlantis_netcfg.routeros.link_use import TICK_S, LinkUse, begun, ended
 from atlantis_netcfg.routeros.observe import seconds
-
-if TYPE_CHECKING:
-    from collections.abc import Coroutine, Iterator, Sequence
-
-    from atlantis_netcfg.bearers.policy import BearerRoute
-    from atlantis_netcfg.routeros import DeviceResult, Endpoint
-    from atlantis_netcfg.routeros.api import Command, Reply
-    from atlantis_netcfg.routeros.apply import Channel
-    from atlantis_netcfg.routeros.desired import Desired
 
 FOR_S = 600
 RUNNING_S = 200

@@ -1,13 +1,12 @@
 """The text of a MikroTik LTE box, written to one on real sockets; what it amounts to is read by the bearer's reader."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from engine_bench import Bench, on
 
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.lte import Registration
 from atlantis_netcfg.bearers.lte.judge import LteExpected, judge
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
@@ -26,9 +25,6 @@ from atlantis_netcfg.operations.links.session import ReadOnlySession
 from atlantis_netcfg.operations.links.status import modem_reading
 from atlantis_netcfg.render import lte
 from atlantis_netcfg.routeros import JobMode, desired
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.bearers import BearerFinding
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 HOST = DECLARATION.hosts["coastal-4g"]

@@ -1,10 +1,9 @@
 """A PIN reaches a SIM only while it asks, and a wrong one at most once, however often the run is repeated."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from engine_bench import Bench, on
@@ -15,9 +14,6 @@ from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros import DeviceResult, JobMode, converge
 from atlantis_netcfg.routeros.apply import Patience
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 TEXT = """\
 /system identity

@@ -1,9 +1,8 @@
 """Ports with other names than declared: the site ends on the right sockets, or nothing changes and it is said why."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 from engine_bench import TEXT, Bench, on
@@ -12,10 +11,6 @@ from test_cut_points import GAP_S, clean, cut, faults
 from atlantis_netcfg.emulator.routeros import Execute, FaultKind, LinkFault
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.drift import DriftKind
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
 
 USED = ("ether1", "ether3", "ether4", "ether5", "ether8")
 NAMED = "# atlantis:undeclared /interface ethernet disabled=yes\n/interface ethernet\n" + "".join(

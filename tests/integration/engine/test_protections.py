@@ -1,10 +1,9 @@
 """What takes a change back below RouterOS 7.18: safe mode of a console, a dead-man job, or nobody."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from engine_bench import TEXT, Bench, Meddler, leases, on
@@ -15,9 +14,6 @@ from atlantis_netcfg.emulator.routeros import DeviceModeName as TwinMode
 from atlantis_netcfg.journal import Protected
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status
 from atlantis_netcfg.routeros.apply import _executor
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 HOME = DeviceMode(mode=TwinMode.HOME)
 LAST = '/tool mac-server ping\nset enabled=no\n/ip ssh\nset host-key-type="ed25519 of another kind"\n'

@@ -1,22 +1,15 @@
 """After a change of menus that nothing follows: these are read in full, the others counted, and what moved is read."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 from engine_bench import TEXT, Bench, Meddler, on
 
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
+from atlantis_netcfg.routeros._types import Observed
 from atlantis_netcfg.routeros.apply import Admission
-from atlantis_netcfg.routeros.estimate import BearerProfile
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.routeros._types import Observed
-    from atlantis_netcfg.routeros.estimate import Estimate
+from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
 
 RULE = 'add action=passthrough chain=forward comment="atlantis: one more"\n'
 MORE = TEXT.replace("/ip firewall nat\n", f"{RULE}/ip firewall nat\n")

@@ -1,9 +1,8 @@
 """Runs that end before anything was changed: the status, the words, and a router as it was."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from engine_bench import PASSWORD, TEXT, Bench, on
@@ -13,9 +12,6 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import DeviceMode, User
 from atlantis_netcfg.emulator.routeros import DeviceModeName as TwinMode
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge, desired
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MANAGEMENT = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
 

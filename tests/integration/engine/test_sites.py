@@ -1,23 +1,18 @@
 """The routers that the inventory declares, from adopted to configured, at the cost that is promised."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from engine_bench import PASSWORD, Bench, leases, on
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink, User
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 RTT_S = 0.7
 ROUTERS = ("coastal-router", "scc-router", "te4sea-router")

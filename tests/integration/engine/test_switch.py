@@ -1,10 +1,9 @@
 """The text of a switch, written to an emulated one on real sockets, and what would cut the way to it."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from engine_bench import Bench, on
@@ -14,9 +13,6 @@ from atlantis_netcfg.declaration.model import Switch
 from atlantis_netcfg.emulator.routeros import ManagementSpec, Radio
 from atlantis_netcfg.render import switch
 from atlantis_netcfg.routeros import Status
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 PORTS = ("ether1", "ether2", "ether3")

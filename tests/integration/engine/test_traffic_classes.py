@@ -1,22 +1,16 @@
 """Classes of traffic on an emulated router: converged twice, drift where somebody moves them, and taken away again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from engine_bench import PASSWORD, Bench, on
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import TrafficClass
 from atlantis_netcfg.emulator.routeros import User
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 ROUTER = "coastal-router"
 

@@ -1,26 +1,20 @@
 """Two laptops without a lock in common change one router: one is told plainly, and nothing is half done."""
 
-from __future__ import annotations
-
 import asyncio
 import re
+from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from engine_bench import TEXT, Bench, leases, on
 
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge, desired
-from atlantis_netcfg.routeros.api import Session
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine, Sequence
-
-    from atlantis_netcfg.routeros.api import Command, Endpoint, Reply
-    from atlantis_netcfg.routeros.apply import Channel
+from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session
+from atlantis_netcfg.routeros.apply import Channel
 
 OTHER = TEXT.replace("name=coastal-router", "name=other-router").replace(
     'comment="atlantis: lan" in-interface=bridge-lan protocol=icmp', 'comment="atlantis: lan" in-interface=bridge-lan'

@@ -1,9 +1,8 @@
 """`verify` on twins: everything holds, and whatever is turned off is told, alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from engine_bench import Bench, on
@@ -23,9 +22,6 @@ from atlantis_netcfg.routeros.verify import (
     read,
     try_out,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 READING = {each.id for each in ASSUMPTIONS if each.shown == READS}
 MODEM = ModemSpec()

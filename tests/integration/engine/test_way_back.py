@@ -1,24 +1,18 @@
 """The dead-man job's script, run on a router on which any first part of a plan has happened: it is as before."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from engine_bench import TEXT, Bench, leases, on
 
 from atlantis_netcfg.routeros import Status, desired
+from atlantis_netcfg.routeros._types import Observed, Plan
 from atlantis_netcfg.routeros.api import Command, Session
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._scripts import scripts
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import plan
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.routeros._types import Observed, Plan
 
 FORWARD = 'add action=drop chain=forward comment="atlantis: costs'
 RULES = "".join(

@@ -1,18 +1,13 @@
 """How many questions a device bears at once: as many as it takes, or few, which is found out once and remembered."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from engine_bench import Bench, on
 
 from atlantis_netcfg.emulator.routeros import WireBehaviour
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.api import WINDOW
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NOTE = "the device fell silent with more than 24 questions at once"
 

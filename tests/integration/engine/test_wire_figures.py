@@ -1,13 +1,11 @@
 """Round trips and bytes of our own run, counted by a proxy in front of the router, in a clock that jumps."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from engine_bench import PASSWORD, Bench, on, run
@@ -15,18 +13,15 @@ from engine_bench import PASSWORD, Bench, on, run
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault
 from atlantis_netcfg.operations.links.session import ReadOnlySession
-from atlantis_netcfg.routeros import DeviceResult, Status
+from atlantis_netcfg.routeros import DeviceResult, Endpoint, Status
 from atlantis_netcfg.routeros.api import LoginRefused
 from atlantis_netcfg.routeros.apply._change import change as changing
 from atlantis_netcfg.routeros.apply._scripts import scripts as written
+from atlantis_netcfg.routeros.apply._work import RunContext
 from atlantis_netcfg.routeros.commands import Examination
 from bench import wire
 from bench.job import Scenario
 from bench.proxy import Count, Proxy, Shape
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.routeros import Endpoint
-    from atlantis_netcfg.routeros.apply._work import RunContext
 
 RTT_S = 0.7
 PLAIN = Shape(RTT_S / 2)

@@ -1,24 +1,17 @@
 """A declared router on the twin's clock, and a world in which addresses fall silent: hours pass in an instant."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.device import Device
+from atlantis_netcfg.emulator.routeros.spec import DeviceMode
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.routeros.answers import Caller
-    from atlantis_netcfg.emulator.routeros.spec import DeviceMode
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 STEP_S = 1.0
@@ -119,10 +112,6 @@ class World:
     def order(self) -> list[str | None]:
         """The bearers that carried traffic, one after the other."""
         return [name for _, name in self.seen]
-
-    def since_change(self) -> float:
-        """Seconds since another bearer took over."""
-        return self.now - self.seen[-1][0]
 
     def reboot(self) -> None:
         self.device.reboot()

@@ -1,7 +1,5 @@
 """A satellite that stands before other links: watched at this end alone, or by canaries that keep to their budget."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from dataclasses import replace

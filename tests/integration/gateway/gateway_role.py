@@ -1,23 +1,18 @@
 """One role of the gateways, run by Ansible on a machine, and its result as reports have it."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import preforked
 import yaml
+from gateway_stand import Key
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from gateway_stand import Key
-
-    from atlantis_netcfg.emulator.lab import Machine
+from atlantis_netcfg.emulator.lab import Machine
 
 ROOT = Path(__file__).resolve().parents[3]
 NAME = "coastal-gateway"

@@ -6,12 +6,11 @@ def test_it(machine: Start, tmp_path: Path) -> None:
     gateway = machine("coastal-gateway")
 """
 
-from __future__ import annotations
-
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import pytest
 from cryptography.hazmat.primitives import serialization
@@ -19,12 +18,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from debian_trees import GATEWAY
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.emulator.lab import Lab, Machine
+from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"

@@ -1,17 +1,10 @@
 """The gateway suite of `checks/`, run as a technician runs it, against a machine."""
 
-from __future__ import annotations
-
 import os
-from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 import preforked
-from gateway_role import NAME, ROOT
-
-if TYPE_CHECKING:
-    from gateway_role import Stand
-
+from gateway_role import NAME, ROOT, Stand
 
 _QUICKLY = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest", "-p", "no:xdist")
 """Without what a suite of checks has no use for, and which the technician's pytest has not got."""

@@ -1,12 +1,11 @@
 """A gateway whose network is changed: a machine with all three tools, and the tasks of the role run by Ansible."""
 
-from __future__ import annotations
-
 import json
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import preforked
 import pytest
@@ -15,13 +14,8 @@ from gateway_stand import ROUTER, Key
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import ComputerNetwork, Gateway, NetworkTool
-from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
+from atlantis_netcfg.emulator.lab import Machine, build_rootfs, open_lab, why_not
 from atlantis_netcfg.gateway.parts import computer_network
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from atlantis_netcfg.emulator.lab import Machine
 
 ROOT = Path(__file__).resolve().parents[3]
 NAME = "coastal-gateway"

@@ -1,33 +1,32 @@
 """A gateway that nothing but SSH from the quay reaches, and bundles of stand-in packages for it."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import signal
 import subprocess
 import time
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import preforked
 from gateway_stand import ROUTER, Key, gateway_tree
 
 from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, make
-from atlantis_netcfg.bundle.manifest import Keys
-from atlantis_netcfg.bundle.requirements import HostRequirements, PackageRequirement, PackageSource, read_target
+from atlantis_netcfg.bundle.manifest import Keys, Manifest
+from atlantis_netcfg.bundle.requirements import (
+    HostRequirements,
+    Library,
+    PackageRequirement,
+    PackageSource,
+    read_target,
+)
 from atlantis_netcfg.bundle.requirements import RequirementKey as ArchiveKey
+from atlantis_netcfg.emulator.lab import Machine
 from atlantis_netcfg.emulator.lab.stubs import StubPackage, publish
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.bundle.manifest import Manifest
-    from atlantis_netcfg.bundle.requirements import Library
-    from atlantis_netcfg.emulator.lab import Machine
 
 NAME = "coastal-gateway"
 CUT = f"""

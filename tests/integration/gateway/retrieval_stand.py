@@ -4,23 +4,17 @@ Their addresses in the VPN stand on the cable itself: the tunnel is not what is 
 in `test_retrieval_role.py`.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gateway_stand import SHIPPED
+from gateway_stand import SHIPPED, Start
 from waiting import wait_until
 
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Retrieval, ServerComputer
+from atlantis_netcfg.emulator.lab import Lab, Machine
 from atlantis_netcfg.gateway.retrieval import PROGRAM, SERVICE, retrieval
-
-if TYPE_CHECKING:
-    from gateway_stand import Start
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.lab import Lab, Machine
 
 GATEWAY, CENTRE = "coastal-gateway", "scc-control"
 FOLDER, KEPT = "/var/lib/svc-recording", f"/srv/recordings/{GATEWAY}"

@@ -3,26 +3,18 @@
 The images are stand-ins made here from the machine's own Python; no registry is contacted, and none could be.
 """
 
-from __future__ import annotations
-
 import hashlib
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from debian_trees import CONTAINERS
 from gateway_role import Stand
-from gateway_stand import FREE_CLOCK, ROUTER, ground, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, ROUTER, Key, ground, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.emulator.lab import build_rootfs
+from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs
 from atlantis_netcfg.emulator.lab.stubs import PODMAN_IN_A_MACHINE, service_image
 from atlantis_netcfg.gateway.containers import IMAGES
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gateway_stand import Key
-
-    from atlantis_netcfg.emulator.lab import Lab, Machine
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 UNIT = "atlantis-service-backend.service"

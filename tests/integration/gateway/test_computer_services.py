@@ -1,21 +1,14 @@
 """Declared services on a real Debian: opened to exactly whom it says, run within bounds, seen, and taken away again."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from gateway_role import Stand
-from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 
+from atlantis_netcfg.emulator.lab import Machine
 from atlantis_netcfg.emulator.lab.stubs import service_program
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.emulator.lab import Machine
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 UNIT = "atlantis-service-backend.service"

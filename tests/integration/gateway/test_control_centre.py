@@ -1,7 +1,5 @@
 """The control centre and an operator station in a rehearsal: real Debians for root, run twice over each link."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

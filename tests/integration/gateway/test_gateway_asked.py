@@ -1,16 +1,15 @@
 """The questions of a checklist to a real gateway: one SSH command, real ports there, a host key that is compared."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-from gateway_stand import NETWORK, ROUTER, SHIPPED, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import NETWORK, ROUTER, SHIPPED, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 
 from atlantis_netcfg.checklist.probes import (
+    Answer,
     CommandResult,
     DhcpDiscoverRequest,
     DhcpOffers,
@@ -22,15 +21,8 @@ from atlantis_netcfg.checklist.probes import (
     Trouble,
 )
 from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.operations.request import Request, Target
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

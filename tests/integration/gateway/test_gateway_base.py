@@ -1,22 +1,16 @@
 """The role `gateway_base` on a real Debian with systemd, by SSH: what comes of it, and what cannot go wrong."""
 
-from __future__ import annotations
-
 import subprocess
 import threading
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import FREE_CLOCK, ground, machine, ssh, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, ssh, technician  # noqa: F401 - fixtures
 from waiting import wait_until
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.emulator.lab import Lab
+from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

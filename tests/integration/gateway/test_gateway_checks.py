@@ -1,23 +1,16 @@
 """The gateway suite of `checks/` on a real Debian: green where all is as promised; every check sees its own breach."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import FREE_CLOCK, SHIPPED, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, SHIPPED, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 
 from atlantis_netcfg.operations.vpn.rehearsed import identities
 from atlantis_netcfg.vpn.client import IDENTITY
 from atlantis_netcfg.vpn.client import SERVICE as TUNNEL
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

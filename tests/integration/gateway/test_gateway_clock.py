@@ -4,27 +4,24 @@ A container has the clock and the kernel of this computer, so that only here the
 chrony leads it, and values of the kernel are taken. Building and booting takes minutes: `make campaign`.
 """
 
-from __future__ import annotations
-
 import subprocess
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from pathlib import Path
+from typing import cast
 
 import pytest
 from debian_trees import CLOCK
 from gateway_role import NAME, Stand
-from gateway_stand import technician  # noqa: F401 - a fixture
+from gateway_stand import (
+    Key,
+    technician,  # noqa: F401 - a fixture
+)
 from ports import held_port
 
 from atlantis_netcfg.emulator.lab import Machine, TreeSpec, build_rootfs, why_not
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from gateway_stand import Key
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(3600)]
 

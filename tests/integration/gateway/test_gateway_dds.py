@@ -1,17 +1,10 @@
 """The role `gateway_dds` on a real Debian with systemd, by SSH: profiles, environment, and who reads them anew."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from gateway_role import Stand
-from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
+from gateway_stand import Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

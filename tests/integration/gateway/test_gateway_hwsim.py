@@ -4,28 +4,24 @@ The radios are the kernel's own simulation (Debian's linux-image-amd64): protoco
 is not. Each of them stands in a network namespace of its own. Building and booting takes minutes: `make campaign`.
 """
 
-from __future__ import annotations
-
 import shutil
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from debian_trees import RADIOS
 from gateway_role import NAME
-from gateway_stand import technician  # noqa: F401 - a fixture
+from gateway_stand import (
+    Key,
+    technician,  # noqa: F401 - a fixture
+)
 from ports import held_port
 from test_gateway_clock import Guest, booted, card
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab import why_not
 from atlantis_netcfg.gateway.base import gateway_base
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from gateway_stand import Key
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(3600)]
 

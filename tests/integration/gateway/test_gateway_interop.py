@@ -1,18 +1,17 @@
 """The role `gateway_interop` on a real Debian with systemd, by SSH: stand-ins for the partners' projects are built."""
 
-from __future__ import annotations
-
 import datetime as dt
 import os
 import signal
 import ssl
 import subprocess
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import preforked
 import pytest
@@ -21,8 +20,9 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 from gateway_role import Stand
-from gateway_stand import ROUTER, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import ROUTER, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 
+from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.emulator.lab.stubs.interop import (
     EXAMPLES,
     LIBRARY,
@@ -31,13 +31,6 @@ from atlantis_netcfg.emulator.lab.stubs.interop import (
     make_interop,
     serve_git,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

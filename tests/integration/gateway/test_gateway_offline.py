@@ -1,20 +1,13 @@
 """A bundle installs a gateway that has no network but the management path, and a broken carry is gone on with."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-from gateway_stand import ground, machine, technician
+from gateway_stand import Key, Start, ground, machine, technician
 from offline_stand import CUT, Quay, install, told
 
 from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
 from atlantis_netcfg.emulator.lab.stubs import StubPackage
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
 
 __all__ = ["ground", "machine", "technician"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

@@ -4,23 +4,17 @@ No radio is here: `wlan0` is the end of a cable (veth), on which wpa_supplicant 
 point is therefore not shown.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from waiting import wait_until
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.gateway.base import gateway_base
-
-if TYPE_CHECKING:
-    from gateway_stand import Key, Start
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

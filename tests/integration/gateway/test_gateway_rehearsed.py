@@ -1,19 +1,14 @@
 """A site's gateway in `provision`: a real Debian for root, planned, changed, run second run over every bearer."""
 
-from __future__ import annotations
-
 import json
 import os
+import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import preforked
 import pytest
 
 from atlantis_netcfg.emulator.lab import NOT_REHEARSED, stubs, why_not
-
-if TYPE_CHECKING:
-    import subprocess
 
 CHECKOUT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

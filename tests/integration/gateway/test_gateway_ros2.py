@@ -1,24 +1,16 @@
 """The role `gateway_ros2` on a real Debian with systemd, by SSH, from a signed archive of stand-ins."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from gateway_role import Stand
-from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 
+from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
 from atlantis_netcfg.gateway.recording import SERVICE, packages
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

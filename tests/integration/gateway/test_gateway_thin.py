@@ -1,23 +1,16 @@
 """What our modules cost on a gateway's link: the tool goes over once, and each call a few kB after that."""
 
-from __future__ import annotations
-
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from waiting import wait_until
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import FOLDER
 from atlantis_netcfg.core.remote_bundle import build
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

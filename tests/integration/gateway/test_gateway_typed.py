@@ -1,34 +1,26 @@
 """What a technician types on the quay: the whole command against a gateway at its declared address, from a bundle."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import subprocess
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
 from gateway_role import NAME, ROOT
-from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from test_gateway_voyage import Voyage, served
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.emulator.lab import Lab
+from atlantis_netcfg.emulator.lab.stubs import StubArchive
+from atlantis_netcfg.emulator.lab.stubs.interop import GitServer
 from atlantis_netcfg.operations.request import Request
 from bench.declared import Declared
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.lab import Lab
-    from atlantis_netcfg.emulator.lab.stubs import StubArchive
-    from atlantis_netcfg.emulator.lab.stubs.interop import GitServer
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 TOKEN = "a-real-interop-token"

@@ -1,40 +1,30 @@
 """A gateway is brought to all that is declared of it from a bundle alone, on a vessel without internet."""
 
-from __future__ import annotations
-
 import functools
 import json
 import socket
 import threading
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from gateway_role import NAME, Stand
-from gateway_stand import FREE_CLOCK, SHIPPED, gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, SHIPPED, Key, Start, gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 
 from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, make
-from atlantis_netcfg.bundle.manifest import Keys
+from atlantis_netcfg.bundle.manifest import Keys, Manifest
 from atlantis_netcfg.bundle.open import open_bundle
 from atlantis_netcfg.bundle.requirements import read_target
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
 from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, GitServer, make_interop, serve_git
 from atlantis_netcfg.operations.bundle import wish_of
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.vpn.rehearsed import identities
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.bundle.manifest import Manifest
-    from atlantis_netcfg.declaration import Declaration
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 ROLES = ["gateway_base/offline", "gateway_base", "openvpn_client", "gateway_ros2", "gateway_interop", "gateway_dds"]

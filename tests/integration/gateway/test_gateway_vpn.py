@@ -1,25 +1,17 @@
 """The role `openvpn_client` on a real Debian with systemd, and a real OpenVPN server that it reaches or not."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from gateway_role import Stand
-from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 from vpn_stand import ADDRESS, HOST, Vpn
 
+from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, SERVICE
 from atlantis_netcfg.vpn.identity import Wrap
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

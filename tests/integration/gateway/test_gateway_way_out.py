@@ -3,23 +3,18 @@
 The radio is a veth: that stations are kept apart on the air is hostapd's, and shown in `test_gateway_hwsim.py`.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Gateway, GatewayAccessPoint
 from atlantis_netcfg.gateway.base import gateway_base
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = [
     pytest.mark.slow,

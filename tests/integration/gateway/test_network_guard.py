@@ -2,20 +2,16 @@
 
 # ruff: noqa: F401, F811 - `network_stand` and `technician` are fixtures
 
-from __future__ import annotations
-
 import json
 import re
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from gateway_stand import technician
 from network_stand import STATE, NetworkStand, network_stand, other, wanted
 from waiting import wait_until
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 EVERY = pytest.mark.parametrize("by", ["netplan", "ifupdown", "networkd"])

@@ -1,30 +1,23 @@
 """The module `packages` on a real Debian with systemd, by SSH: hindrances are told, what was cut off is finished."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os
 import subprocess
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
 from gateway_role import NAME, ROOT
-from gateway_stand import ground, known_hosts, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import Key, Start, ground, known_hosts, machine, technician  # noqa: F401 - fixtures
 from waiting import HANG_S, wait_until
 
+from atlantis_netcfg.emulator.lab import Lab, Machine
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.emulator.lab import Lab, Machine
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

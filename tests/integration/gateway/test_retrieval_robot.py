@@ -1,22 +1,14 @@
 """Recordings of a robot by a real rsync, rrsync and sshd: admitted by its owner's line, lost on the way, compared."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pytest
-from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import Start, ground, machine, technician  # noqa: F401 - fixtures
 from retrieval_stand import BAGS, COLLECTED, MB, ROBOT, Ends, ends
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.declaration.model import RetrievalRobot
+from atlantis_netcfg.emulator.lab import Lab, Machine
 from atlantis_netcfg.gateway.retrieval import line_for_robot
 from atlantis_netcfg.operations.retrieve import RetrievalStatus, source_at
-
-if TYPE_CHECKING:
-    from gateway_stand import Start
-
-    from atlantis_netcfg.emulator.lab import Lab, Machine
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 KEPT = f"/srv/recordings/{ROBOT}"

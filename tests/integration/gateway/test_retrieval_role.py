@@ -1,20 +1,14 @@
 """The role with a declared retrieval, on either end: it converges twice, admits gateways, and takes itself away."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from gateway_role import Stand
-from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from retrieval_stand import CENTRE, GATEWAY
 
 from atlantis_netcfg.gateway.retrieval import PROGRAM, SERVICE
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 DECLARED: dict[str, Any] = {"to": CENTRE, "budget_mb": 1000, "sources": [{"host": GATEWAY}]}

@@ -1,23 +1,15 @@
 """Recordings over a real rsync and sshd: cut, resumed, mended, within rate and cap, and nothing else admitted."""
 
-from __future__ import annotations
-
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
+from gateway_stand import Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from retrieval_stand import FOLDER, GATEWAY, KEPT, MB, Ends, ends
 
+from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalSelection, program_by_ssh, source_at
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gateway_stand import Key, Start
-
-    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 INCOMING = "/srv/recordings/.incoming/coastal-gateway"

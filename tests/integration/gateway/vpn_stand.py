@@ -1,13 +1,13 @@
 """A real OpenVPN server at the yard's end, and identities that it knows, for the tests of the role `openvpn_client`."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
 from atlantis_netcfg.vpn.identity import (
@@ -20,12 +20,6 @@ from atlantis_netcfg.vpn.identity import (
     MemberLink,
     Wrap,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.emulator.lab import Lab
 
 ENDPOINT = "203.0.113.2"
 SERVER = "scc-vpn"

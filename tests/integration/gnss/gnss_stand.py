@@ -1,28 +1,21 @@
 """Real gpsd, its tools, and questions that are asked as on site: by the program that listens, in its own process."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import socket
 import subprocess
 import time
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ports import held_port
 
-from atlantis_netcfg.checklist.probes import Listen, Place
+from atlantis_netcfg.checklist.probes import Answer, Judged, Listen, Place
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation, StreamGps
 from atlantis_netcfg.checklist.runner import ask_here
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from atlantis_netcfg.checklist.probes import Answer, Judged
 
 _DEBIAN = Path(__file__).parents[3] / ".venv-setup" / "debian"
 """`make test` has unpacked the packages there."""

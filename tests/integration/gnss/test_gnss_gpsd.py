@@ -1,25 +1,19 @@
 """The real gpsd is judged by our probe; our twin of it is read by gpsd's own client, and answers word for word."""
 
-from __future__ import annotations
-
 import json
 import re
 import socket
 import subprocess
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from gnss_stand import Asked, codes, environment, gpsd, judged, program, started, until_it_listens
 from ports import held_port
 
 from atlantis_netcfg.declaration.model import GpsDriver
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd, RunningNmea
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 
 VIANA = (
     "$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63",

@@ -1,7 +1,5 @@
 """Every mood of the receivers' twins, heard by the program that listens on site, is told as what it is."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 
 from gnss_stand import Asked, codes, judged

@@ -15,16 +15,11 @@ A table right below a block says what its last command asks and what is typed: t
     | Your name | `A. Technician` |
 """
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import dropwhile, takewhile
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+from pathlib import Path
 
 _DIRECTIVE = re.compile(r"\b(exit|output|not executed): *([^;]+?) *(?:;|-->)")
 _ANYTHING = "…"

@@ -1,18 +1,13 @@
 """A command of a page at a pseudo-terminal, and somebody who types what the page shows when a question is asked."""
 
-from __future__ import annotations
-
 import os
 import select
 import subprocess
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from docs_console import Shown
+from docs_console import Shown
 
 ANSWER_S = 120
 """A rehearsal is quieter for less than that before its next question."""

@@ -1,18 +1,13 @@
 """Checkouts as a stranger has them: the files that git knows, in a folder of their own, started by the launcher."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import shutil
 import subprocess
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 ROOT = Path(__file__).parents[3]
 NOBODY = 65534

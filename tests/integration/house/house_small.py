@@ -4,8 +4,6 @@ Its package tells how it was started. It is installed from a folder of wheels ma
 in seconds and without any index.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import io

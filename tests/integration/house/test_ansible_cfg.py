@@ -1,7 +1,5 @@
 """Plain Ansible works from the checkout: ansible.cfg is valid, and holds what it promises."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,14 +1,12 @@
 """The docs keep their word: what they show on a console is run, in order, in the checkout of a stranger."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
 import shutil
 import subprocess
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import preforked
 import pytest
@@ -18,9 +16,6 @@ from row_subtests import for_each_row
 
 from atlantis_netcfg.cli.help import MEANING
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 ELSEWHERE = {"quick-start.md", "inicio-rapido.md"}

@@ -1,7 +1,5 @@
 """The pages as a site: built without a warning, with tree and search, all from here; the quick start is one sheet."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

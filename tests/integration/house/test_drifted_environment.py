@@ -1,18 +1,14 @@
 """Somebody has removed a package from `.venv`: `provision doctor` names it, and what it advises brings it back."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import shutil
 import subprocess
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from house_checkout import clean_environment, shared_checkout, start
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,17 +1,12 @@
 """The whole of it: this checkout in the hands of a stranger, its environment made from the pins by ./provision."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from house_checkout import as_nobody, clean_environment, let_others_pass, shared_checkout, start
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

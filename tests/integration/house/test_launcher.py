@@ -1,7 +1,5 @@
 """./provision on machines in every state that we have met, with a small package behind it."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -10,16 +8,14 @@ import socket
 import ssl
 import subprocess
 import threading
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from house_checkout import NOBODY, as_nobody, clean_environment, let_others_pass, start
 from house_small import LOCK, folder_of_wheels, quick_python, small_checkout
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,7 +1,5 @@
 """Machines on which the Python that ./provision needs is missing or incomplete, as fresh Debian and Ubuntu are."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sysconfig

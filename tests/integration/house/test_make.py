@@ -1,17 +1,12 @@
 """`make` explains itself, and .ci/run tells the whole outcome on its last line."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from house_checkout import ROOT
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CLOSING = "======================= 12 passed in 3.45s ========================"
 FAILING = "================== 1 failed, 11 passed in 3.45s ==================="

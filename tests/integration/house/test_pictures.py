@@ -1,18 +1,13 @@
 """The pictures of docs/pictures are those of the program as it is: made again, they say the same."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from house_checkout import ROOT
 from PIL import Image
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PICTURES = ROOT / "docs" / "pictures"
 LARGEST = 200_000

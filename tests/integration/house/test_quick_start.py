@@ -5,20 +5,15 @@ them its own as it does in a checkout that was moved.
 For a machine of the gateway the rehearsal would make a Debian; tests/integration/machine does that.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from docs_console import Shown, shown
 from docs_terminal import at_a_terminal
 from house_checkout import ROOT, clean_environment, copy_of_checkout, shared_checkout
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 ENGLISH = ROOT / "docs" / "quick-start.md"
 PORTUGUESE = ROOT / "docs" / "pt" / "inicio-rapido.md"

@@ -3,8 +3,6 @@
 docs/architecture.md says the same; each test adds its toy to a copy of the product and sees it work.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

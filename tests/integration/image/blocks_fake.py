@@ -4,21 +4,16 @@ A loop device can be shown as a card in a USB reader: the guard itself stays as 
 such a reader would have.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.image.blocks import BlockTree
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 USB = "pci0000:00/0000:00:14.0/usb1/1-2/1-2:1.0/host4/target4:0:0/4:0:0:0"
 SLOT = "platform/sdhci/mmc_host/mmc0/mmc0:aaaa"
@@ -32,7 +27,7 @@ LOOP = "virtual"
 class FakeDisk:
     """One disk; what is not said is as a usual card has it."""
 
-    tree: Tree
+    tree: "Tree"
     number: str
     name: str
     bus: str
@@ -54,7 +49,7 @@ class FakeDisk:
         for name, text in files.items():
             (self.place / name).write_text(f"{text}\n")
 
-    def serial(self, text: str) -> FakeDisk:
+    def serial(self, text: str) -> "FakeDisk":
         above = self.place.parents[5] if self.bus == USB else self.place.parents[1]
         (above / "serial").write_text(f"{text}\n")
         return self

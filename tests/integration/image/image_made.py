@@ -1,12 +1,7 @@
 """Small real images: partition table, FAT and ext4, with the ODROID N2's layout, made without root."""
 
-from __future__ import annotations
-
 import subprocess
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
 
 BOOT_AT, ROOT_AT = 2048 * 512, 264192 * 512
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1 EXAMPLE-technician"

@@ -6,16 +6,14 @@ arm64, the ODROID's, and CI looks into smaller images (`test_image_customise.py`
 file system that is there already (a tar).
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import paramiko
 import pytest
@@ -30,9 +28,6 @@ from atlantis_netcfg.image.facts import ImageRequest, StaticNetwork
 from atlantis_netcfg.image.plan import customise
 from atlantis_netcfg.image.source import expand, segments
 from atlantis_netcfg.image.writer import Card, write
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = pytest.mark.timeout(5400)
 

@@ -1,15 +1,13 @@
 """`provision image` as people type it; the card is a loop device that a tree shows as a card in a reader."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
 import lzma
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from blocks_fake import LoopCard, Tree, loop
@@ -19,9 +17,6 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.image.ext4 import Ext4
 from atlantis_netcfg.image.plan import customise
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 SERIAL = "20090516388200"

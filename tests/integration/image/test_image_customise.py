@@ -1,7 +1,5 @@
 """Real images (MBR, FAT, ext4), customised by an ordinary user and looked into by other programs than ours."""
 
-from __future__ import annotations
-
 import os
 import struct
 import subprocess

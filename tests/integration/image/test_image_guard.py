@@ -1,10 +1,8 @@
 """Every refusal, on trees of /sys and /proc as the kernel shows them; the device node is only looked at."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from blocks_fake import DOCK, LOOP, NVME, SATA, SLOT, USB, FakeDisk, Tree
@@ -12,9 +10,6 @@ from blocks_fake import DOCK, LOOP, NVME, SATA, SLOT, USB, FakeDisk, Tree
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.image.blocks import BlockTree, DeviceBus, admit, confirmed, same
 from atlantis_netcfg.image.facts import DeviceRefused
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 NODE = Path("/dev/loop0")
 """A block device of number 7:0, which the tree shows as the disk in question; nothing is read from it."""

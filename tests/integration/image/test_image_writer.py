@@ -1,14 +1,12 @@
 """Real images onto real loop devices, which the tree shows as cards in a reader; the guard is the product's own."""
 
-from __future__ import annotations
-
 import os
 import random
 import subprocess
 import sys
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from blocks_fake import LoopCard, Tree, loop
@@ -18,9 +16,6 @@ from atlantis_netcfg.image.blocks import admit
 from atlantis_netcfg.image.facts import CardUnfinished, DeviceRefused
 from atlantis_netcfg.image.source import Segment, SourceKind, segments
 from atlantis_netcfg.image.writer import Card, Progress, WriterStep, WrittenCard, write
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 MIB = 2**20
 SIZE = 24 * MIB

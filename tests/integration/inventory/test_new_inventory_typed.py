@@ -1,21 +1,16 @@
 """`provision init` at a real terminal, answered by a script: it validates, is rehearsed, and holds no example."""
 
-from __future__ import annotations
-
 import os
 import select
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 from hints_said import advised
 from schema_reader import files, problems, schema_of
 from waiting import HANG_S
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,18 +1,17 @@
 """A site of twins, configured as declared, at whose links a test looks; what is sick about it is a test's choice."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.declaration import Declaration, choose, load
-from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
+from atlantis_netcfg.declaration import Declaration, Host, choose, load
+from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, SiteSpec, TwinSpec
 from atlantis_netcfg.operations.kinds import handled, is_unit
 from atlantis_netcfg.operations.links.look import LinksStatus, look
 from atlantis_netcfg.operations.lte.run import perform as perform_lte
@@ -21,13 +20,7 @@ from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.schedule import with_other_ends
 from atlantis_netcfg.operations.site import perform
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-
-    from atlantis_netcfg.declaration import Host
-    from atlantis_netcfg.emulator.routeros import SiteSpec, TwinSpec
-    from atlantis_netcfg.report.links import LinksReport
+from atlantis_netcfg.report.links import LinksReport
 
 ROOT = Path(__file__).resolve().parents[3]
 INVENTORY = ROOT / "inventory"

@@ -1,14 +1,12 @@
 """The record of coastal, read from twins: one session a device, differences, and devices that do not answer."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from links_bench import PATIENCE_S, Bench, bench
@@ -21,9 +19,6 @@ from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.declaration import choose
 from atlantis_netcfg.declaration.model import NumberMask
 from atlantis_netcfg.journal import utc_now
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = pytest.mark.slow
 

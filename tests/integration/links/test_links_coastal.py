@@ -1,27 +1,21 @@
 """`provision links` of coastal, well and sick in several ways: golden/*.txt is what a technician reads."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from links_bench import Bench, bench, inventory, masked
 from waiting import wait_until
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.emulator.routeros import TwinSpec
 from atlantis_netcfg.journal import Store
+from atlantis_netcfg.report.links import LinksReport
 from atlantis_netcfg.survey.radio import UnitRadio
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.emulator.routeros import TwinSpec
-    from atlantis_netcfg.report.links import LinksReport
 
 pytestmark = pytest.mark.slow
 

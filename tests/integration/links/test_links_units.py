@@ -1,12 +1,11 @@
 """The 4G link of te4sea as each driver reads it, well and sick: golden/te4sea-*.txt is what a technician reads."""
 
-from __future__ import annotations
-
 import os
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from links_bench import Bench, bench, block, inventory, masked
@@ -19,11 +18,7 @@ from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.lte.run import perform
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.terminals import TriedPin
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-
-    from atlantis_netcfg.report.links import LinksReport
+from atlantis_netcfg.report.links import LinksReport
 
 pytestmark = pytest.mark.slow
 

@@ -1,23 +1,16 @@
 """A bare Debian for the tests of machines, a technician's SSH, and what a yard may have left on this computer."""
 
-from __future__ import annotations
-
 from base64 import b64decode
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import paramiko
 import pytest
 from debian_trees import BARE
 from waiting import HANG_S
 
-from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.emulator.lab import Lab, Machine
+from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
 
 ADDRESS, ROUTER = "10.64.1.10/24", "10.64.1.1"
 

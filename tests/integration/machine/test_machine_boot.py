@@ -1,20 +1,13 @@
 """A machine is a real Debian with systemd at its declared address, which SSH reaches through a port here."""
 
-from __future__ import annotations
-
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import paramiko
 import pytest
 from machine_stand import ADDRESS, ROUTER, bare, client, gateway, ground, key, ssh
 
-from atlantis_netcfg.emulator.lab import MachineFailed
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.emulator.lab import Lab, Machine
+from atlantis_netcfg.emulator.lab import Lab, Machine, MachineFailed
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

@@ -1,26 +1,19 @@
 """Nothing of a yard is left on this computer, however its owner ends."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from debian_trees import BARE
 from machine_stand import ADDRESS, ROUTER, bare, gateway, ground, key, left
 from waiting import HANG_S, wait_until
 
-from atlantis_netcfg.emulator.lab import build_rootfs, open_lab
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.emulator.lab import Lab, Machine
+from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

@@ -1,20 +1,13 @@
 """Power cuts, full disks, and a machine that does not come up."""
 
-from __future__ import annotations
-
 import socket
-from typing import TYPE_CHECKING
 
+import paramiko
 import pytest
 from machine_stand import bare, gateway, ground, key, ssh
 from waiting import HANG_S
 
-from atlantis_netcfg.emulator.lab import MachineFailed
-
-if TYPE_CHECKING:
-    import paramiko
-
-    from atlantis_netcfg.emulator.lab import Machine
+from atlantis_netcfg.emulator.lab import Machine, MachineFailed
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

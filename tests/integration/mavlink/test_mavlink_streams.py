@@ -1,27 +1,21 @@
 """Streams of pymavlink's own sender are judged by our probe; our twin's stream is read by pymavlink's own receiver."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 import threading
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from pymavlink import mavutil
 from waiting import wait_until
 
-from atlantis_netcfg.checklist.probes import Listen, Place
+from atlantis_netcfg.checklist.probes import Judged, Listen, Place
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved
 from atlantis_netcfg.checklist.runner import ask_here
 from atlantis_netcfg.emulator.mavlink import AutopilotSpec, RunningAutopilot
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from atlantis_netcfg.checklist.probes import Judged
 
 Probe = RcHeard | SticksMoved
 WANTED = RcExpectation("Stork", "this computer", 0, address="127.0.0.1")

@@ -1,17 +1,18 @@
 """Two ends of a radio bridge on twins, in one event loop and in time that jumps."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "engine"))
+
+from collections.abc import Callable, Coroutine
 
 from engine_bench import PASSWORD as ENGINE_PASSWORD
 from engine_bench import run, without_header
 
+from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import (
     Air,
@@ -30,11 +31,6 @@ from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 from atlantis_netcfg.rsc import quote
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
-
-    from atlantis_netcfg.core.events import Event
 
 T = TypeVar("T")
 PASSWORD = ENGINE_PASSWORD

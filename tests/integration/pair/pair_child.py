@@ -3,23 +3,19 @@
 python pair_child.py {"near": {"host": ..., "port": ..., "pin": ..., "text": ...}, "far": ..., "state": ..., ...}
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os
 import signal
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, JobMode, Patience, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 STARTED = RunStarted(
     site="quay", revision="", tool="", hosts=("near", "far"), rehearsed=False, command="provision site=quay"

@@ -1,10 +1,8 @@
 """What may differ between two ends is changed at both as one, far end first, and a second run finds nothing to do."""
 
-from __future__ import annotations
-
 from contextlib import AsyncExitStack
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, text
@@ -13,9 +11,6 @@ from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Status
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 from bench.proxy import Proxy, Shape
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CHANGES = {
     "name": Words(ssid="new name"),

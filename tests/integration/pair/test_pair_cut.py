@@ -1,22 +1,17 @@
 """A run is cut at every sentence of either end in every way: both ends are as before, or both as declared."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
 import pytest
 from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
 
 from atlantis_netcfg.emulator.routeros import Deviation, FaultKind, LinkFault
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 NEW = Words(ssid="new name", key="a new key for both ends", frequency=5520)
 KINDS = (FaultKind.DROP, FaultKind.VANISH, FaultKind.REBOOT, FaultKind.POWER, FaultKind.GAP)

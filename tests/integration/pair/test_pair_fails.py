@@ -1,9 +1,9 @@
 """The link does not come back, or never may: nothing is sent, or both ends are as before within the declared time."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import pytest
 from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
@@ -11,11 +11,6 @@ from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
 from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.pair import Signal
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-    from typing import Any
 
 NEW = Words(ssid="new name", key="a new key for both ends", frequency=5520)
 FAMILIES = pytest.mark.parametrize("family", ["legacy", "wifi"])

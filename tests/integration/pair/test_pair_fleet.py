@@ -1,18 +1,13 @@
 """A pair is one member of a run, beside single devices; kept as one, stopped as one."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pair_bench import PairBench, Words, on
 
 from atlantis_netcfg.routeros import DeviceResult, Status, fleet
 from atlantis_netcfg.routeros.pair import Pair
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NEW = Words(ssid="new name")
 

@@ -1,23 +1,19 @@
 """The process is killed at a record of its journal: both ends return, or both are new; `resume` goes on."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from pair_bench import PASSWORD, PairBench, Words, text, without_job
 
 from atlantis_netcfg.emulator.routeros import Air, RunningSite
 from atlantis_netcfg.journal import Store
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 CHILD = Path(__file__).with_name("pair_child.py")
 NEW = Words(ssid="new name", key="a new key for both ends")

@@ -1,10 +1,10 @@
 """A run is killed, and what the next command says of what is armed: it is removed or told, and never green."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from pair_bench import PairBench, Words, on
@@ -15,10 +15,6 @@ from atlantis_netcfg.journal import Journal, Record, Released
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply import Patience
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 NEW = Words(ssid="new name", key="a new key for both ends")
 LATER_S = 1200.0

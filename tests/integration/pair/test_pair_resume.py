@@ -1,9 +1,7 @@
 """After a run that has died between the two releases: `resume` lets the near end follow, and says so if it cannot."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hints_said import advised, said
@@ -11,9 +9,6 @@ from pair_bench import PairBench, Words, on, without_job
 
 from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NEW = Words(ssid="new name")
 Results = tuple[DeviceResult, DeviceResult]

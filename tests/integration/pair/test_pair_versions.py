@@ -1,16 +1,11 @@
 """A bridge of which one end is too old for its protection: refused, with what to type at that end alone."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from pair_bench import PairBench, Words, on
 
 from atlantis_netcfg.routeros import DeviceResult, Status
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.parametrize("old", ["near", "far"])

@@ -1,16 +1,11 @@
 """Every sentence that goes to the two ends of a radio bridge is in the command tree of their version."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from heard import listening
 from pair_bench import PairBench, Words, on
 from trees import Tree
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.parametrize("family", ["legacy", "wifi"])

@@ -1,19 +1,14 @@
 """The air between two twins: how long it is silent, what lives on meanwhile, and where the far end's path leads."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from pair_bench import PairBench, Words, on
 
 from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.routeros.api import Command, Session, Unreachable
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SET = "/interface/wireless/set"
 OLD = Words()

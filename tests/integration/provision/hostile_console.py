@@ -1,18 +1,13 @@
 """A RouterOS console whose every word is hostile."""
 
-from __future__ import annotations
-
 import socket
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
 
 import paramiko
 from impostor import HOSTILE
 from paramiko.common import AUTH_SUCCESSFUL, OPEN_SUCCEEDED
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 
 class _Guard(paramiko.ServerInterface):

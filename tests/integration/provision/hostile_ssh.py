@@ -4,17 +4,13 @@ It speaks as far as it is listened to: as our modules' tool, as the live tool of
 puts the text of the environment's `HOSTILE_TEXT` wherever words go. It imports nothing of ours: each call is a process.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import os
 import sys
 import zlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
+from typing import Any
 
 MANNERS = ("away", "answers", "refuses", "breaks", "lacks")
 """Nobody lets us in; every answer is whole; each is a refusal; our program fails there; answers lack what they need."""

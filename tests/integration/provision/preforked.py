@@ -8,8 +8,6 @@ themselves are started by the tests of their start, by those that kill them, and
 The emulated routers of a rehearsal are forked from the same process. A shell reaches it by preforked_client.py.
 """
 
-from __future__ import annotations
-
 import atexit
 import ctypes
 import fcntl
@@ -23,21 +21,17 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, BinaryIO, TextIO, cast
+from typing import Any, BinaryIO, TextIO, cast
 
 from atlantis_netcfg.core.paths import write_private
-from atlantis_netcfg.emulator.routeros import SpawnedSite
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from atlantis_netcfg.emulator.routeros import SiteSpec
+from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))

@@ -3,8 +3,6 @@
 It takes the descriptor of that process as its first argument, and imports nothing of ours: it is started for each line.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal

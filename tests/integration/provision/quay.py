@@ -3,8 +3,6 @@
 The twin outlives the commands, so that real runs (without `--rehearse`) have something to change.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import os
@@ -15,11 +13,12 @@ import socketserver
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import preforked
 import pytest
@@ -30,9 +29,6 @@ from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite, User
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.site import perform
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 ROUTER = "coastal-router"
@@ -50,7 +46,7 @@ class Quay:
     state: Path
     spec: SiteSpec
     twins: SpawnedSite
-    door: Door
+    door: "Door"
     stack: ExitStack
     alone: bool = True
     """Only the router stands here; the ends of the Wi-Fi bridge do not."""
@@ -213,6 +209,12 @@ def quay(folder: Path, *others: User, seed: str = "") -> Iterator[Quay]:
         stack.enter_context(forwarded(door))
         opened = Quay(root, folder / "state", spec, twins, door, stack)
         opened.adopt()
+        yield opened
+
+
+def fresh_quay(tmp_path: Path) -> Iterator[Quay]:
+    """What a fixture gives to tests that want no more than the router and its laptop."""
+    with quay(tmp_path) as opened:
         yield opened
 
 

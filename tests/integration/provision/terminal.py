@@ -3,23 +3,18 @@
 `pyte` draws what was written, so that a line that was drawn over is gone, as it is for a person.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import re
 import struct
 import termios
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import pyte
 from waiting import HANG_S
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _HISTORY = 2000
 _MASKS = (

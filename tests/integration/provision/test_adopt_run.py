@@ -1,7 +1,5 @@
 """Two commands bring a router from its box to its declared state: `provision adopt ...`, `provision site=...`."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import os
@@ -10,10 +8,11 @@ import socket
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import preforked
 import pytest
@@ -22,9 +21,6 @@ from quay import _VAULT, PROVISION, _inventory, _namespace, _pump
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite
 from atlantis_netcfg.operations.rehearsal import factory_spec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

@@ -1,9 +1,8 @@
 """A run over every site: each has its own lock and journal, and one on which somebody works fails alone."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from quay import CHECKOUT
@@ -13,9 +12,6 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal
 from atlantis_netcfg.operations.site import perform
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 ROUTERS = ["coastal-router", "scc-router", "te4sea-router"]
 INVENTORY = CHECKOUT / "inventory"

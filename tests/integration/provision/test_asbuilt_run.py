@@ -1,25 +1,14 @@
 """A real record of a real site: paid for first, kept beside the other records, and honest about who did not answer."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-from quay import ROUTER, Quay, quay
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from quay import ROUTER, Quay, fresh_quay
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 HERE = ("asbuilt", "site=coastal", f"only={ROUTER}")
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def test_nothing_is_sent_over_a_paid_link_before_somebody_pays(at: Quay) -> None:

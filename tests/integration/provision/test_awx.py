@@ -1,7 +1,5 @@
 """The repository as an AWX project: ansible-runner, which AWX runs jobs with, drives `playbooks/site.yml` unchanged."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

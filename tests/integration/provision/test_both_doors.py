@@ -1,16 +1,9 @@
 """`provision` and plain `ansible-playbook` are two doors to one engine: equal plans, results and exports."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-from quay import ROUTER, quay
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from quay import Quay
+from quay import ROUTER, Quay, quay
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

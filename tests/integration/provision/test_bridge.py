@@ -1,29 +1,24 @@
 """Both ends of the Wi-Fi bridge as one: every family of radios, both sites' journals, and what refuses to begin."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import preforked
 import pytest
 
 from atlantis_netcfg.declaration import load
+from atlantis_netcfg.emulator.routeros import SpawnedSite
 from atlantis_netcfg.journal import RunResumed, Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal, site_spec
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.site import perform
 from atlantis_netcfg.rsc import parse
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from atlantis_netcfg.emulator.routeros import SpawnedSite
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 ENDS = ("coastal-cpe", "scc-cpe")

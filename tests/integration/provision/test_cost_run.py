@@ -1,32 +1,21 @@
 """Real runs over links that are paid by the byte: asked first, counted, billed, whatever door they come in by."""
 
-from __future__ import annotations
-
 import json
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-from quay import ROUTER, Quay, quay
+from quay import ROUTER, Quay, fresh_quay
 
 from atlantis_netcfg.journal import CostCounted, Store
 from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 HERE = ("site=coastal", f"only={ROUTER}")
 DEAR = (*HERE, "via=satellite")
 SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True)
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def connections(at: Quay) -> int:

@@ -1,23 +1,18 @@
 """`provision drift` as a technician runs it: somebody changes the router by hand, and is told, and put right."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from quay import CHECKOUT, ROUTER, Quay, quay
 
 from atlantis_netcfg.emulator.routeros import User
 from atlantis_netcfg.journal import Store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

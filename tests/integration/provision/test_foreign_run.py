@@ -1,15 +1,10 @@
 """More than a hundred rows of others in a menu that is ours entirely: what a person is asked, and what is typed."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from quay import ROUTER, Quay, quay
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

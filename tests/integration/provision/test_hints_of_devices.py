@@ -1,11 +1,11 @@
 """What is advised of a router that lacks something is typed as it was printed, with the router as it is there."""
 
-from __future__ import annotations
-
 import builtins
 import getpass
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hints_said import advised, said
@@ -20,10 +20,6 @@ from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import upgrade
 from atlantis_netcfg.operations.upgrade import WaitingUpgrade
 from atlantis_netcfg.vpn.authority.authority import Authority
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 HERE = (f"only={ROUTER}", "--yes")

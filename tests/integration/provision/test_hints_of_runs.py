@@ -1,29 +1,18 @@
 """What the commands of runs advise is typed as it was printed, in the situation in which it is given."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hints_said import advised
-from quay import PROVISION, ROUTER, Quay, quay
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 
 from atlantis_netcfg.cli import main
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 RUN = ("site=coastal", f"only={ROUTER}", "--yes")
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def follow(at: Quay, command: list[str], code: int = 0) -> str:

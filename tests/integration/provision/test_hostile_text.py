@@ -15,7 +15,7 @@ from hostile_console import hostile_console
 from hostile_ssh import MANNERS, before_ssh
 from impostor import HOSTILE, control_characters, fake_lines, hostile, in_every, leaving_out, refused_login, refusing
 from npk_files import write
-from quay import ADDRESS, ROUTER, Door, Quay, forwarded, quay
+from quay import ADDRESS, ROUTER, Door, Quay, forwarded, fresh_quay
 from vpn_desk import NOBODY, PASSPHRASE, over_a_pipe
 
 from atlantis_netcfg.cli import main
@@ -138,10 +138,7 @@ def test_every_command_is_played_or_has_its_reason() -> None:
     assert played & NO_DEVICE.keys() == set()
 
 
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 @pytest.mark.smoke("plan-texts")

@@ -1,32 +1,22 @@
 """A run that dies between two pieces leaves its sign on the router: whatever a person types then leads out of it."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import signal
 import subprocess
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
 from hints_said import advised
-from quay import PROVISION, ROUTER, Quay, quay
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 from waiting import wait_until
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 RUN = ("site=coastal", f"only={ROUTER}", "--yes")
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def killed_between_pieces(at: Quay) -> str:

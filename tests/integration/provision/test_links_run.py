@@ -1,18 +1,13 @@
 """`provision links` on a real address: pins, vault, consent, the counters of a month, and nothing changed."""
 
-from __future__ import annotations
-
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from quay import PROVISION, ROUTER, Quay, quay
 
 from atlantis_netcfg.journal import Store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

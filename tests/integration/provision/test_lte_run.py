@@ -1,14 +1,14 @@
 """4G units of other makes by the command line: each driver rehearsed, and a RutOS unit set at its declared address."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
@@ -17,10 +17,6 @@ from test_adopt_run import led
 
 from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSim, RutosSpec
 from atlantis_netcfg.journal import RunStarted, Store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,26 +1,20 @@
 """What older versions wrote is read, resumed, rolled back, audited and verified: tests/data/written-by-102db09."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import subprocess
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
 from hints_said import advised, said
-from quay import CHECKOUT, ROUTER, quay
+from quay import CHECKOUT, ROUTER, Quay, quay
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.vpn.enrolment_package import open_handout
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from quay import Quay
 
 pytestmark = pytest.mark.slow
 WRITTEN = CHECKOUT / "tests" / "data" / "written-by-102db09" / "state.tar.gz"

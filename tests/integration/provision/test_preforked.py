@@ -1,7 +1,5 @@
 """What is typed into a process that has already imported prints and ends as the program does."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import socket

@@ -1,7 +1,5 @@
 """Real runs, without `--rehearse`: the devices are twins that the test keeps, and the state of the laptop counts."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -9,23 +7,14 @@ import shutil
 import signal
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-from quay import CHECKOUT, PROVISION, ROUTER, Quay, quay
+from quay import CHECKOUT, PROVISION, ROUTER, Quay, fresh_quay
 from waiting import wait_until
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 @pytest.mark.smoke

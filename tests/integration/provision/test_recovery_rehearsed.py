@@ -1,29 +1,18 @@
 """`rollback`, `resume` and `backup` can be planned and rehearsed: the real device, its journal and its states stay."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hints_said import advised
-from quay import PROVISION, ROUTER, Quay, quay
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 from test_real_run import await_record, kill_workers
 from waiting import wait_until
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def untouched(at: Quay) -> tuple[str, list[dict[str, Any]]]:

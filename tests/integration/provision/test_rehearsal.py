@@ -1,11 +1,10 @@
 """`provision site=S --rehearse`, as a technician types it."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
@@ -13,9 +12,6 @@ from quay import PROVISION
 
 from atlantis_netcfg.emulator.routeros import NOT_REHEARSED
 from atlantis_netcfg.routeros.assumptions import unconfirmed
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 ROUTERS = {"scc": "scc-router", "coastal": "coastal-router", "te4sea": "te4sea-router"}
 BEARERS = {

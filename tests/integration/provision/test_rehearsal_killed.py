@@ -1,21 +1,16 @@
 """A rehearsal that is killed leaves temporary files; the next command, whichever it is, removes them."""
 
-from __future__ import annotations
-
 import os
 import select
 import signal
 import subprocess
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from quay import PROVISION
 from waiting import HANG_S
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 
 def descendants(pid: int) -> Iterator[int]:

@@ -1,18 +1,13 @@
 """`provision site=S --rehearse --profile RUN`: the emulated devices are behind the link that a run has measured."""
 
-from __future__ import annotations
-
 import json
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import preforked
 import pytest
 
 from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile, write_profile
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _RUN = "4g-20261126T022248Z"
 _ONE_WAY_S = 0.4

@@ -1,22 +1,15 @@
 """`provision restore`: the router has drowned, and another box from the shelf takes its place."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
 import subprocess
-from typing import TYPE_CHECKING
 
 import pytest
-from quay import PROVISION, ROUTER, Quay, quay
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 from test_real_run import await_record, kill_workers
 
 from atlantis_netcfg.emulator.routeros import ManagementSpec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
@@ -26,12 +19,7 @@ SMALL = {
     "board": "RB750Gr3",
     "management": ManagementSpec(port="ether5"),
 }
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def provisioned(at: Quay) -> str:

@@ -1,28 +1,18 @@
 """A plan that is saved and carried out later: that plan and no other, or nothing."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
 from hints_said import advised
-from quay import ROUTER, Quay, quay
+from quay import ROUTER, Quay, fresh_quay
 from terminal import terminal
 from waiting import HANG_S
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 @pytest.fixture

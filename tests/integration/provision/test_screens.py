@@ -3,16 +3,14 @@
 Every screen is that of a real run. Its last eight lines alone have to tell what happened and what to do.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal
 import subprocess
 import threading
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import preforked
 import pytest
@@ -23,9 +21,6 @@ from test_stopped_runs import children
 from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import DeviceMode, DeviceModeName
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 GOLDEN = Path(__file__).with_name("golden") / "screens"

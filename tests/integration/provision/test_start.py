@@ -1,16 +1,11 @@
 """What a run that changes nothing, and the emulated routers, do not import: their start is most of what they cost."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from quay import ROUTER, quay
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

@@ -1,7 +1,5 @@
 """A site with a switch, with a buoy (a switch with a radio) and with the docking station that hangs on it."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,10 +1,9 @@
 """A device that nobody has agreed to is told nothing, whatever is typed; it is agreed to on a terminal, or declared."""
 
-from __future__ import annotations
-
 import json
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hints_said import advised, said
@@ -14,10 +13,6 @@ from quay import ADDRESS, ROUTER, Quay, quay
 
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.journal import Store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

@@ -1,26 +1,16 @@
 """Two technicians type `provision` on two laptops at one router: one is told plainly, and nothing is half done."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
-from quay import PROVISION, ROUTER, Quay, quay
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+from quay import PROVISION, ROUTER, Quay, fresh_quay
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-
-
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 def start(at: Quay, laptop: str, inventory: Path) -> subprocess.Popen[str]:

@@ -1,18 +1,13 @@
 """An inventory with vaulted secrets, whose password is typed, missing or wrong."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 from quay import _VAULT_PASSWORD, PROVISION, ROUTER, _inventory, quay
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 

@@ -1,19 +1,13 @@
 """`provision verify` typed: rehearsed, and against a router that stands at its declared address."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-from quay import Quay, quay
+from quay import Quay, fresh_quay
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 IDS = [each.id for each in ASSUMPTIONS]
 
@@ -42,10 +36,7 @@ def test_a_device_that_is_no_router_or_not_there_is_refused(
     assert "did you mean `device=coastal-router`?" in capsys.readouterr().err
 
 
-@pytest.fixture
-def at(tmp_path: Path) -> Iterator[Quay]:
-    with quay(tmp_path) as opened:
-        yield opened
+at = pytest.fixture(fresh_quay)
 
 
 @pytest.mark.smoke

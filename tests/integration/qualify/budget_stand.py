@@ -4,8 +4,6 @@
 prints a line of JSON for each seed. There our reflector stands behind emulated links that lose and double packets.
 """
 
-from __future__ import annotations
-
 import json
 import random
 import socket
@@ -17,18 +15,14 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.cost import Tariff, bill
 from atlantis_netcfg.emulator.udp_link import LinkShape, UdpRelay
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.qualify.messages_down import DownMessageStream
-from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transport import UdpTransport
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.qualify.session import PacketStream
 
 KEY = b"an example key, 32 octets long.."
 NEAR, FAR = "192.0.2.1", "192.0.2.2"

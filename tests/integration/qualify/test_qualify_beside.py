@@ -1,7 +1,5 @@
 """irtt and iperf3 (Debian) beside our sender in one run, over links of the same shape; irtt also judges our figures."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -13,7 +11,7 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from test_qualify_real_sockets import KEY, reflector
@@ -30,14 +28,13 @@ from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import message_figures
 from atlantis_netcfg.qualify.transport import UdpTransport
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.qualify.samples import Sample
-
 sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "qualify"))
 
+from collections.abc import Iterator
+
 from tolerances import tolerances
+
+from atlantis_netcfg.qualify.samples import Sample
 
 DEBIAN = Path(__file__).parents[3] / ".venv-setup" / "debian"
 IRTT = DEBIAN / "irtt" / "usr" / "bin" / "irtt"

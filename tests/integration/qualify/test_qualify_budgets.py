@@ -1,7 +1,5 @@
 """A budget is never exceeded by more than one packet, as the kernel counts at the sender's interface."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,13 +1,10 @@
 """The sender and the reflector's program through real sockets, over the emulated link."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import HANG_S, measure
@@ -23,14 +20,13 @@ from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import message_figures
 from atlantis_netcfg.qualify.transport import UdpTransport
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.qualify.samples import Sample
-
 sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "qualify"))
 
+from collections.abc import Iterator
+
 from tolerances import tolerances
+
+from atlantis_netcfg.qualify.samples import Sample
 
 KEY = b"an example key, 32 octets long.."
 

@@ -1,12 +1,12 @@
 """`provision qualify … --rehearse`, as a technician types it: an emulated router, a relay, and our far end."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
+import subprocess
 from decimal import Decimal
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
@@ -14,10 +14,6 @@ import pytest
 from atlantis_netcfg.qualify.figures import train_figures
 from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, read_run
 from atlantis_netcfg.qualify.samples import read
-
-if TYPE_CHECKING:
-    import subprocess
-    from pathlib import Path
 
 
 def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProcess[str]:

@@ -1,12 +1,9 @@
 """Acceptance 3 through real sockets: a link is measured, its profile replayed by the relay, and measured again."""
 
-from __future__ import annotations
-
 import time
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING
 
 import pytest
 from test_qualify_real_sockets import KEY, reflector
@@ -15,15 +12,12 @@ from waiting import measure
 from atlantis_netcfg.emulator.udp_link import LinkShape, UdpRelay
 from atlantis_netcfg.operations.link_shapes import open_replay, replayed
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.figures import train_figures
+from atlantis_netcfg.qualify.figures import TrainFigures, train_figures
 from atlantis_netcfg.qualify.judgement import profile as thresholds
 from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, BudgetLimits, FarEnd, MeasuredRun, Selection, write_run
 from atlantis_netcfg.qualify.samples import SampleWriter, read
 from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transport import UdpTransport
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.qualify.figures import TrainFigures
 
 _PLAN = TrainPlan(172, 0.02, 4, timeout_s=1.5)
 _SHARE = 0.05

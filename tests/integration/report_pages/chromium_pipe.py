@@ -1,7 +1,5 @@
 """A headless Chromium that is spoken to through a pipe (DevTools protocol), so that one start serves every look."""
 
-from __future__ import annotations
-
 import base64
 import fcntl
 import http.server
@@ -9,12 +7,10 @@ import json
 import os
 import signal
 import threading
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, Self
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
+from pathlib import Path
+from typing import Any, Self
 
 FLAGS = (
     "--headless",

@@ -4,13 +4,12 @@ What is measured: nothing is wider than the screen, nothing is asked for, nobody
 serious. The pictures are kept in the folder of the test, for people.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from chromium_pipe import Chromium, chromium
@@ -18,9 +17,6 @@ from pages_example import SHORT, hostile, made, marked
 
 from atlantis_netcfg.checklist.report._pages import html
 from atlantis_netcfg.checklist.report._pdf import pdf
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 AXE = Path(__file__).parents[3] / ".venv-strangers" / "node_modules" / "axe-core" / "axe.min.js"
 RULES = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}

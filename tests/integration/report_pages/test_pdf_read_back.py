@@ -1,25 +1,19 @@
 """The words of the PDF, as poppler's pdftotext reads them."""
 
-from __future__ import annotations
-
 import re
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from impostor import HOSTILE, control_characters
 from pages_example import SHORT, documents, hostile, made
 
+from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.report._pdf import pdf
 from atlantis_netcfg.checklist.report._pdf._sheet import printable
 from atlantis_netcfg.checklist.report._texts import uncoded
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist.report import Document
 
 
 def read(document: Document, files: Mapping[str, bytes]) -> list[str]:

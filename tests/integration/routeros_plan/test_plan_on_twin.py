@@ -1,11 +1,9 @@
 """Plans, their two written forms, rollback texts and the guard, against a router twin's own idea of what they do."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -13,19 +11,16 @@ from row_subtests import for_each_row
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
+from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
 from atlantis_netcfg.emulator.routeros.spec import Radio
 from atlantis_netcfg.routeros import guard
-from atlantis_netcfg.routeros._types import Facts, Observed
+from atlantis_netcfg.routeros._types import Action, Facts, Observed, Plan, Row
 from atlantis_netcfg.routeros.commands import console, sentence
 from atlantis_netcfg.routeros.desired import Desired, from_export, read
 from atlantis_netcfg.routeros.guard import ManagementPath
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.routeros.planner import plan
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
-    from atlantis_netcfg.routeros._types import Action, Plan, Row
 
 UNIT = Path(__file__).parents[2] / "unit"
 SITES = sorted((UNIT / "render" / "golden").glob("*-router.rsc"))

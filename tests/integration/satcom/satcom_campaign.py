@@ -9,23 +9,21 @@ of `provision dds`. `--profile`: the link is not Certus as assumed here, but a m
 docs/satcom.md and its pictures of what was measured.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from dds_stand import Participant
 from matrix_papers import host
-from matrix_stand import vpn
+from matrix_stand import Vpn, vpn
 from satcom_page import write_page
 
 from atlantis_netcfg.declaration import load
@@ -33,27 +31,19 @@ from atlantis_netcfg.declaration.model import Dds, RosDistribution, RosMiddlewar
 from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.gateway.dds import profile_views, profiles
 from atlantis_netcfg.operations.link_shapes import replayed
-from atlantis_netcfg.qualify.figures import answered_packets, train_figures
+from atlantis_netcfg.qualify.figures import TrainFigures, answered_packets, train_figures
 from atlantis_netcfg.qualify.grids import (
     IMAGE_RATES_HZ,
     IMAGES,
     TELEMETRY_RATES_HZ,
     TELEMETRY_SIZES,
+    RateRow,
     image_row,
     telemetry_row,
 )
 from atlantis_netcfg.qualify.profile import read_profile
-from atlantis_netcfg.qualify.samples import PacketSent, ReplyReceived, read
+from atlantis_netcfg.qualify.samples import PacketSent, ReplyReceived, Sample, read
 from atlantis_netcfg.qualify.transfers import message_figures
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matrix_stand import Vpn
-
-    from atlantis_netcfg.qualify.figures import TrainFigures
-    from atlantis_netcfg.qualify.grids import RateRow
-    from atlantis_netcfg.qualify.samples import Sample
 
 ROOT = Path(__file__).parents[3]
 PROGRAMS = Path(__file__).with_name("programs")

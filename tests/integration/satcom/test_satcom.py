@@ -1,15 +1,14 @@
 """The satellite campaign, shortened: one size and one rate of each grid, through real OpenVPN and real Cyclone DDS."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 import pytest
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
+
+from pathlib import Path
 
 from satcom_campaign import CERTUS, campaign, cells
 from satcom_page import page
@@ -18,9 +17,6 @@ from atlantis_netcfg.declaration.model import Pace
 from atlantis_netcfg.gateway.dds import TUNING
 from atlantis_netcfg.operations.link_shapes import replayed
 from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 _ANNOUNCE_S = 2

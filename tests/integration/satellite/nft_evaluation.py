@@ -4,15 +4,11 @@ Semantics after the manual page nft(8): a rule applies if all its matches do; ac
 back to the calling chain and ends a base chain with its policy, a jump comes back, log goes on.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from ipaddress import ip_address, ip_network
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from nft_translation import Rule, Ruleset
+from nft_translation import Rule, Ruleset
 
 _BITS = {"srcnat": 0x10, "dstnat": 0x20}
 

@@ -6,15 +6,10 @@ state mean the same. One rule of the router becomes one rule here (its comment a
 Not translated: disabled rows, which the desired text has none of, and mangle, which only changes the MSS.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from atlantis_netcfg.rsc import Export, Statement
+from atlantis_netcfg.rsc import Export, Statement
 
 FILTER, NAT = "/ip/firewall/filter", "/ip/firewall/nat"
 _HOOKS = {

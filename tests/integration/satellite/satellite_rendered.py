@@ -1,19 +1,13 @@
 """The shipped inventory's routers as views and texts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg import rsc
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.render import router, router_view
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.render import RouterView
-    from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.render import RouterView, router, router_view
+from atlantis_netcfg.rsc import Export
 
 SITES = ("coastal", "te4sea")
 

@@ -6,8 +6,6 @@ What arrives is what a packet socket on the far end of the link has seen; order 
 which has not come before a later one (the sentinel) was dropped. No test waits for silence.
 """
 
-from __future__ import annotations
-
 import ctypes
 import itertools
 import os
@@ -15,21 +13,18 @@ import socket
 import struct
 import subprocess
 import threading
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from ipaddress import ip_address, ip_interface
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from nft_translation import translate
 from waiting import HANG_S
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.render import RouterView
-    from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.render import RouterView
+from atlantis_netcfg.rsc import Export
 
 WORLD = ("203.0.113.2", "203.0.113.3", "192.0.2.123", "192.0.2.124", "192.0.2.50", "198.51.100.99", "8.8.8.8")
 """Addresses of every world: those of the example inventory, a stranger's, and one for a person's addition."""
@@ -102,7 +97,7 @@ class Stage:
         made.listen()
         return made
 
-    def watch(self, who: str) -> Watch:
+    def watch(self, who: str) -> "Watch":
         made = self.open(who, socket.SOCK_RAW, socket.htons(_ETH_P_IP), socket.AF_PACKET)
         made.bind(("near", _ETH_P_IP))
         return Watch(made)

@@ -1,18 +1,14 @@
 """`provision prove … --rehearse`, as a technician types it."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
+import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import preforked
 import pytest
-
-if TYPE_CHECKING:
-    import subprocess
 
 STRANGER = "203.0.113.3"
 

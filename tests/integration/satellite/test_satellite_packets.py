@@ -1,21 +1,16 @@
 """The satellite's filter, proved on packets: real links, real routing, real connection tracking."""
 
-from __future__ import annotations
-
 import socket
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING
 
 import pytest
 from satellite_rendered import SITES, rendered
 from satellite_stage import PARTNER, ROBOT, WORLD, Seen, Stage, send_echo, send_syn, send_udp, stage, token
 from waiting import HANG_S
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.rsc import Export
 
 pytestmark = pytest.mark.namespace
 

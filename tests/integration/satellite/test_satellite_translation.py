@@ -1,12 +1,9 @@
 """The translation into nftables against a model of RouterOS' chains that was written without it."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -20,10 +17,9 @@ from satellite_stage import ROBOT, Stage, send_udp, stage, token
 from atlantis_netcfg import rsc
 
 sys.path.append(str(Path(__file__).parents[2] / "unit" / "render"))
-from render_walk import Packet, Walk
+from collections.abc import Iterator
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from render_walk import Packet, Walk
 
 NETWORKS = ("10.64.1.0/24", "10.64.1.21", "203.0.113.0/29", "203.0.113.2", "192.0.2.123", "8.8.8.8", "0.0.0.0/0")
 ADDRESSES = ("10.64.1.21", "10.64.101.10", "203.0.113.2", "203.0.113.3", "192.0.2.123", "8.8.8.8")

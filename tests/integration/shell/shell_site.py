@@ -1,9 +1,9 @@
 """A router twin in a thread of its own, for clients that block."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import paramiko
 from waiting import HANG_S
@@ -17,10 +17,6 @@ from atlantis_netcfg.emulator.routeros import (
     User,
     WireBehaviour,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 NAME, PASSWORD = "router", "open sesame"
 

@@ -1,22 +1,16 @@
 """netmiko's driver for RouterOS, unchanged: prompts, commands, safe mode, first login, files, a slow link."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
-from netmiko import ConnectHandler, NetmikoAuthenticationException, file_transfer
+from netmiko import BaseConnection, ConnectHandler, NetmikoAuthenticationException, file_transfer
 from shell_site import PASSWORD, Twin, paramiko_on, twin
 from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import RouterLink
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from netmiko import BaseConnection
 
 
 @contextmanager

@@ -1,20 +1,15 @@
 """The system's own ssh, sftp and scp, and the login flags that Ansible's collection uses, by hand."""
 
-from __future__ import annotations
-
 import os
 import pty
 import re
 import select
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import paramiko
 from shell_site import PASSWORD, Twin, paramiko_on, twin
 from waiting import HANG_S
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 OPTIONS = ("-o", "StrictHostKeyChecking=yes", "-o", "PubkeyAuthentication=no", "-o", "LogLevel=ERROR")
 ANSIBLE = re.compile(rb"\[[\w\-.]+@[\w\s\-./]+\] ?(<SAFE)?> ?$")

@@ -1,7 +1,5 @@
 """paramiko: one command per channel, files, the host key."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import io

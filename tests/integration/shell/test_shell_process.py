@@ -1,8 +1,6 @@
 """The twins of a site as a process of their own: SSH and serial line are told, and work from outside."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import paramiko
 import serial
@@ -10,9 +8,6 @@ from shell_site import PASSWORD
 from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import RouterSpec, SiteSpec, TwinSpec, User, spawn
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_a_process_of_its_own(tmp_path: Path) -> None:

@@ -1,20 +1,15 @@
 """pyserial on the twin's serial line: login, the questions of a first login, what reaches the line."""
 
-from __future__ import annotations
-
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import serial
 from shell_site import PASSWORD, Twin, twin
 from waiting import HANG_S
 
 from atlantis_netcfg.emulator.routeros import WireBehaviour
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 PROMPT = b"] > "
 

@@ -1,11 +1,10 @@
 """The gpsd of a gateway, which listens on its own computer alone, through OpenSSH."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import asyncssh
 import pytest
@@ -21,10 +20,6 @@ from atlantis_netcfg.survey.measure import SurveyPlan
 from atlantis_netcfg.survey.positions import GpsdSource, NoPosition, TrackPosition
 from atlantis_netcfg.survey.radio import surveyed_link
 from atlantis_netcfg.survey.site import SiteSurvey
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 GATEWAY = "te4sea-gateway"
 

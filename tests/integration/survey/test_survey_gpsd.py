@@ -1,11 +1,10 @@
 """Acceptance 4 of issue 21: an hour with the emulated unit over HTTPS, and positions by the real gpsd."""
 
-from __future__ import annotations
-
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from gnss_stand import gpsd
@@ -15,14 +14,9 @@ from waiting import HANG_S, wait_until
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd, RunningNmea
 from atlantis_netcfg.survey.measure import SurveyPlan
+from atlantis_netcfg.survey.points import SurveyPoint
 from atlantis_netcfg.survey.positions import GpsdSource, NoPosition, TrackPosition
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from atlantis_netcfg.survey.points import SurveyPoint
-    from atlantis_netcfg.survey.rehearsed import Voyage
+from atlantis_netcfg.survey.rehearsed import Voyage
 
 NEAR_M, AGREE, LIMIT = 10.0, 0.99, 2_000_000
 

@@ -1,15 +1,13 @@
 """A voyage whose unit is a running emulation, and whose positions may come from the real gpsd."""
 
-from __future__ import annotations
-
 import json
 import subprocess
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from functools import reduce
 from operator import xor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gnss_stand import environment, program
 from ports import held_port
@@ -21,13 +19,9 @@ from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.lte.units import emulated_units
 from atlantis_netcfg.qualify.session import ReflectorPeer
 from atlantis_netcfg.survey.measure import LinkTester, RunningSurvey, SurveyPlan
+from atlantis_netcfg.survey.points import SurveyPoint
 from atlantis_netcfg.survey.radio import UnitRadio
 from atlantis_netcfg.survey.rehearsed import KEY, START, DeclaredRate, Voyage, VoyageRadio, gpsd_reports
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from atlantis_netcfg.survey.points import SurveyPoint
 
 PORT = (41.6864, -8.8388)
 RATE = DeclaredRate(0.08, 5e6, 5e6)

@@ -1,14 +1,9 @@
 """Package files as MikroTik's are built, with nothing in them that a device would run."""
 
-from __future__ import annotations
-
 import struct
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from atlantis_netcfg.core.versions import Version
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MAGIC = bytes.fromhex("1ef1d0ba")
 PAYLOAD = 21

@@ -1,9 +1,8 @@
-from __future__ import annotations
-
 import hashlib
 import re
 import struct
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,10 +11,6 @@ from npk_files import MAGIC, contents, info, part, write
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros.packages import NotAPackage, read_npk
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 NAMES = {
     "routeros-7.18.2-arm64.npk": ("routeros", "7.18.2", "arm64"),

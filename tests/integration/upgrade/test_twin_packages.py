@@ -1,7 +1,5 @@
 """What a reboot of the twin makes of the package files on its flash."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import pytest

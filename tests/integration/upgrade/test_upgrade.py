@@ -1,12 +1,12 @@
 """Upgrades of a twin over real SSH, whole and broken off."""
 
-from __future__ import annotations
-
 import asyncio
 import json
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from npk_files import write
@@ -16,16 +16,10 @@ from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User, WireBehaviour
 from atlantis_netcfg.journal import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
-from atlantis_netcfg.operations.upgrade import Upgrading, WaitingUpgrade
+from atlantis_netcfg.operations.upgrade import SeenPackages, Upgrading, WaitingUpgrade
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import SshEndpoint
 from atlantis_netcfg.routeros.packages import UpgradeRefused, read_npk
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
-    from atlantis_netcfg.operations.upgrade import SeenPackages
 
 PASSWORD = "example-password"
 

@@ -1,18 +1,14 @@
 """`provision upgrade` as a person types it, against the emulated router."""
 
-from __future__ import annotations
-
 import json
 import os
-from typing import TYPE_CHECKING, Any
+import subprocess
+from pathlib import Path
+from typing import Any
 
 import preforked
 import pytest
 from npk_files import write
-
-if TYPE_CHECKING:
-    import subprocess
-    from pathlib import Path
 
 
 @pytest.fixture

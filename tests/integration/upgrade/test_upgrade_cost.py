@@ -1,9 +1,7 @@
 """Packages over links that are paid by the byte: refused before the first byte, whatever came before."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import pytest
 from npk_files import write
@@ -12,15 +10,12 @@ from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.upgrade import PreparedUpgrade, _cost
 from atlantis_netcfg.routeros.packages import Upgrade, read_npk
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 ROUTER = "coastal-router"

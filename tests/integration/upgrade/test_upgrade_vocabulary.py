@@ -1,15 +1,10 @@
 """Every sentence and line of an upgrade is in the command tree of the version that hears it."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from heard import listening
 from test_upgrade import router, run
 from trees import Tree
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_what_an_upgrade_says_is_in_the_trees_of_both_versions(tmp_path: Path) -> None:

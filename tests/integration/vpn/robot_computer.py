@@ -4,19 +4,14 @@ It has real OpenVPN, age, tar and bash. In the place of two programs that a name
 `sudo` only runs what it is given, and `systemctl` starts what Debian's own unit of OpenVPN says, and keeps it no more.
 """
 
-from __future__ import annotations
-
 import os
 import pty
 import re
 import subprocess
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from matrix_stand import Vpn
+from matrix_stand import Vpn
 
 _ETC = """\
 mount -t tmpfs tmpfs /mnt && mkdir /mnt/upper /mnt/work &&

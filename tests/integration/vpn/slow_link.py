@@ -4,8 +4,6 @@
 second is lost, as is whatever is under way when the link is cut. Headers of UDP and IP are counted.
 """
 
-from __future__ import annotations
-
 import ctypes
 import heapq
 import os

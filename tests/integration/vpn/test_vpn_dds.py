@@ -3,19 +3,17 @@
 Real participants of Cyclone DDS, our hosts' with the profile of `provision dds`, partners' with one of their own.
 """
 
-from __future__ import annotations
-
 import itertools
+import subprocess
 import sys
 import threading
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from matrix_papers import guest, host
-from matrix_stand import CENTRE, vpn
+from matrix_stand import CENTRE, Vpn, vpn
 from waiting import wait_until
 
 from atlantis_netcfg.declaration import load
@@ -23,11 +21,6 @@ from atlantis_netcfg.declaration.model import DdsPeer
 from atlantis_netcfg.gateway.dds import profile_views, profiles
 from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol, policy
-
-if TYPE_CHECKING:
-    import subprocess
-
-    from matrix_stand import Vpn
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

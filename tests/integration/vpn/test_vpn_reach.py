@@ -4,13 +4,11 @@ Server, a site's router with its LAN and technician, a gateway, the control cent
 of which one sees the other's robot. Every file of OpenVPN and the firewall is the product's.
 """
 
-from __future__ import annotations
-
 import socket
 import subprocess
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from matrix_checks import BESIDE_ALL, CHECKS, GATEWAY, LAPTOP, UDP_PORTS, ZARCO, Reach, matrix
@@ -21,13 +19,8 @@ from waiting import HANG_S
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn import server as product
-from atlantis_netcfg.vpn.identity import CertificateStatus, MemberKind
+from atlantis_netcfg.vpn.identity import CertificateStatus, MemberKind, MembershipList
 from atlantis_netcfg.vpn.policy import TABLE, policy
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.vpn.identity import MembershipList
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 SHIPPED = Path(__file__).parents[3] / "inventory"

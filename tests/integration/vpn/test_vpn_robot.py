@@ -5,13 +5,10 @@ Debian's versions of the two stand for Humble's. What a namespace cannot show st
 here was started by systemd.
 """
 
-from __future__ import annotations
-
 import subprocess
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from matrix_papers import guest, host
@@ -19,16 +16,12 @@ from matrix_stand import CENTRE, Vpn, vpn
 from robot_computer import Robot, three_commands
 from waiting import HANG_S
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import RosDistribution
 from atlantis_netcfg.gateway.dds import profile_views, profiles
 from atlantis_netcfg.vpn.enrolment_package import HandOut, OneTimePassphrase, contents, handout
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
-from atlantis_netcfg.vpn.identity import MemberKind
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.identity import Identity
+from atlantis_netcfg.vpn.identity import Identity, MemberKind
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 SHIPPED = Path(__file__).parents[3] / "inventory"

@@ -4,20 +4,19 @@ The CA key comes from a file that the test has put beside the folder: no cut wai
 are forks of one that has imported everything, and has done it all once: what a trace shows is the command's.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
 from multiprocessing import forkserver
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from authority_stand import NAMES, PASSPHRASE, Stand, handed_to, stand, wish
 
@@ -25,14 +24,9 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.authority import Authority
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from multiprocessing.connection import Connection
-
-    from atlantis_netcfg.vpn.authority.model import HandoutFile
-    from atlantis_netcfg.vpn.authority.signer import Signer
-    from atlantis_netcfg.vpn.identity import Identity
+from atlantis_netcfg.vpn.authority.model import HandoutFile
+from atlantis_netcfg.vpn.authority.signer import Signer
+from atlantis_netcfg.vpn.identity import Identity
 
 KEY = "ca-key-of-the-test.pem"
 SAID = "stderr-of-the-test"

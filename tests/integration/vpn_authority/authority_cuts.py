@@ -1,22 +1,17 @@
 """Commands that are cut at one system call, repeated, and looked at."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import authority_witness as witness
 from authority_child import SAID, place, run, traced
 
 from atlantis_netcfg.vpn.authority.authority import Authority
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 __all__ = ["FAULTS", "SCENARIOS", "UNTOUCHED", "Cut", "Cutting"]
 

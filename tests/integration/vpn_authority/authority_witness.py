@@ -1,7 +1,5 @@
 """What an authority's folder holds, told by openssl and by the text of its ledger: not by the code under test."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -9,10 +7,8 @@ import ssl
 import subprocess
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
+from typing import Any
 
 _CERTIFICATE = re.compile(r"-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----", re.DOTALL)
 

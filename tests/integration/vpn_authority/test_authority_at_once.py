@@ -1,19 +1,14 @@
 """Several people onboard, renew and revoke at the same moment, each in a process of their own."""
 
-from __future__ import annotations
-
 import json
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import authority_witness as witness
 import pytest
 from authority_child import child, place, run
 
 from atlantis_netcfg.vpn.authority.authority import Authority
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SIX = ("issue b c d", "issue d e", "issue f", "renew iqua-a", "revoke iqua-gone", "publish")
 WHOLE = {"a": 2, "gone": 0, "b": 1, "c": 1, "d": 1, "e": 1, "f": 1}

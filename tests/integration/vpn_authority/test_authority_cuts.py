@@ -1,15 +1,10 @@
 """`kill -9`, a full disk and a broken one at every system call: the same command again ends well."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from authority_cuts import FAULTS, SCENARIOS, UNTOUCHED, Cut, Cutting
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SAMPLED = 5
 """Cuts of each command and fault in CI; `make campaign` makes them all."""

@@ -1,7 +1,5 @@
 """A disk that is really full, page by page: refused in words, and done when there is room."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -6,18 +6,17 @@ A third one, `alone`, leads nowhere. The server runs what `openvpn_server` rende
 the one that it loads.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import re
 import shutil
 import subprocess
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import wait_until
@@ -36,10 +35,6 @@ from atlantis_netcfg.vpn.identity import (
     MembershipList,
     Wrap,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from contextlib import ExitStack
 
 NOW = datetime.now(UTC)
 _NUMBERS = itertools.count()

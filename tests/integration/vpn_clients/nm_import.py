@@ -3,8 +3,6 @@
 The plugin is the one that `nmcli connection import` and the settings of desktops load; no daemon takes part.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from typing import Any

@@ -4,17 +4,15 @@
 refuses the rest.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import subprocess
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from clients_stand import Office, Stand, Wanted, await_words, declared, device_of, made_stand
@@ -22,9 +20,6 @@ from waiting import HANG_S
 
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
 
 pytestmark = pytest.mark.namespace
 

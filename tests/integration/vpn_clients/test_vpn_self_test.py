@@ -1,13 +1,11 @@
 """The self-test of a hand-out against a real server: it ends in PASS, or names the fault that was made."""
 
-from __future__ import annotations
-
 import os
 import subprocess
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from clients_stand import (
@@ -22,15 +20,10 @@ from clients_stand import (
     made_stand,
 )
 
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package import contents
-from atlantis_netcfg.vpn.identity import KeyType, Wrap
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.identity import Identity
+from atlantis_netcfg.vpn.identity import Identity, KeyType, Wrap
 
 pytestmark = pytest.mark.namespace
 

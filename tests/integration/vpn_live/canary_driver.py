@@ -3,8 +3,6 @@
 python canary_driver.py LINES.json PID     PID: of the process that holds the server's namespaces
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,20 +1,15 @@
 """A computer of its own: a process in a network and a mount namespace, with a server's real paths in memory."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import socket
 import subprocess
 import threading
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import wait_until
-
-if TYPE_CHECKING:
-    from contextlib import ExitStack
 
 __all__ = ["LOG", "Computer"]
 

@@ -5,39 +5,33 @@ a script answers in its place. Each client has one veth to the server, and all o
 waits for a line of a log or for an echo, not for time.
 """
 
-from __future__ import annotations
-
 import itertools
 import select
 import socket
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
+from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from live_computer import LOG, Computer
 from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
+from atlantis_netcfg.vpn.authority.signer import Signer
 from atlantis_netcfg.vpn.identity import Identity, MemberKind
 from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from ipaddress import IPv4Address
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.authority.signer import Signer
 
 __all__ = ["LOG", "NAME", "Client", "Computer", "Echo", "Record", "Server", "record", "server_of"]
 
@@ -189,7 +183,7 @@ class Server(Computer):
         """The common names of its sessions, by its own word; a client that was refused is listed for a while."""
         return sorted(one.common_name for one in live.sessions(self.link) if one.is_up)
 
-    def client(self, common_name: str) -> Client:
+    def client(self, common_name: str) -> "Client":
         """A computer with that identity; nothing is started."""
         return Client(self.stack, self, self.record.identities[common_name])
 

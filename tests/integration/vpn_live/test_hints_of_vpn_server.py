@@ -1,10 +1,9 @@
 """What is advised where the server of the VPN answers otherwise than it should is typed, and helps."""
 
-from __future__ import annotations
-
 import shutil
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import live_stand
 import pytest
@@ -20,10 +19,6 @@ from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.operations.vpn.link import LocalLink, SshLink
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
 
 pytestmark = pytest.mark.namespace
 

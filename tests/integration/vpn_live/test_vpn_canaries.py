@@ -4,16 +4,14 @@ The passphrase, the CA's key, the keys of members and of the server, and the one
 the commands have started, said and written, and in what is left. strace tells of the processes and of the modes.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pyrage
 import pytest
@@ -24,9 +22,6 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.pki import key_pem
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
 
 pytestmark = pytest.mark.namespace
 

@@ -1,12 +1,11 @@
 """The VPN's commands with a real server: onboarded, connected, renewed, seen, revoked, dead."""
 
-from __future__ import annotations
-
 import shutil
+from collections.abc import Iterator
 from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyrage
 import pytest
@@ -25,9 +24,6 @@ from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 from atlantis_netcfg.vpn.server import FOLDER
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = pytest.mark.namespace
 

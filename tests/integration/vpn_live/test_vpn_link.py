@@ -1,11 +1,11 @@
 """The way to the server: the tool goes over once, requests one round trip each, and what can break is told."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import asyncssh
 import pytest
@@ -24,10 +24,6 @@ from atlantis_netcfg.operations.vpn.link import (
     SshLink,
 )
 from atlantis_netcfg.operations.vpn.server_state import PLACE
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = pytest.mark.namespace
 

@@ -1,22 +1,15 @@
 """A renewal: the certificate in use works until its successor was seen, and then it is admitted no more."""
 
-from __future__ import annotations
-
 import json
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-from live_stand import Echo, declaration, record, server_of
+from live_stand import Echo, Record, Server, declaration, record, server_of
 
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.vpn.identity import CertificateStatus
 from atlantis_netcfg.vpn.server import CCD, FOLDER, SEEN
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from live_stand import Record, Server
 
 pytestmark = pytest.mark.namespace
 

@@ -3,16 +3,16 @@
 The server is OpenVPN itself; a revoked device tries to come in with the identity that it was handed.
 """
 
-from __future__ import annotations
-
 import itertools
 import shutil
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import live_stand
 import pytest
+from _pytest.mark import ParameterSet
 from cryptography import x509
 from live_stand import NAME, Client, Record, Server, declaration
 from vpn_desk import NOBODY, PASSPHRASE, Desk, seated
@@ -23,12 +23,6 @@ from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.operations.vpn.link import LocalLink, ServerRefused
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from _pytest.mark import ParameterSet
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

@@ -1,29 +1,22 @@
 """A member is thrown out of a running server: seen by an echo through the tunnel, by the server's word, by a return."""
 
-from __future__ import annotations
-
 import fcntl
 import hashlib
 import json
 import shutil
 import socket
+from collections.abc import Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 import pytest
-from live_stand import NAME, Echo, Record, Server, declaration, record, server_of
+from live_stand import NAME, Client, Echo, Record, Server, declaration, record, server_of
 
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import LocalLink, ServerRefused
 from atlantis_netcfg.operations.vpn.server_state import PLACE
 from atlantis_netcfg.render import template_folder
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from live_stand import Client
 
 pytestmark = pytest.mark.namespace
 

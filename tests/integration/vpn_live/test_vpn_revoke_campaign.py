@@ -1,19 +1,14 @@
 """A hundred revocations in a row: how long until the session is dead, measured by traffic and by the server's word."""
 
-from __future__ import annotations
-
 import math
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 from live_stand import Echo, record, server_of
 
 from atlantis_netcfg.operations.vpn import live
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 pytestmark = [pytest.mark.namespace, pytest.mark.campaign]
 

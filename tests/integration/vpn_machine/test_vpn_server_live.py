@@ -1,18 +1,13 @@
 """The live commands over SSH, on a computer that its role has set up: neither finds anything to do after the other."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-from vpn_server_stand import NAME, TUNNEL, stand  # noqa: F401 - a fixture
+from vpn_server_stand import NAME, TUNNEL, Stand, stand  # noqa: F401 - a fixture
 from waiting import wait_until
 
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import SshLink
-
-if TYPE_CHECKING:
-    from vpn_server_stand import Stand
 
 pytestmark = [pytest.mark.namespace, pytest.mark.campaign]
 

@@ -1,7 +1,5 @@
 """The control centre in a rehearsal: its server really runs, with an authority that was made for it."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

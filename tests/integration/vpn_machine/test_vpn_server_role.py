@@ -3,25 +3,20 @@
 One machine for all of it: every test leaves the server as the record says.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import signal
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-from vpn_server_stand import FOLDER, NAME, TUNNEL, below, stand  # noqa: F401 - a fixture
+from vpn_server_stand import FOLDER, NAME, TUNNEL, Stand, below, stand  # noqa: F401 - a fixture
 from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import KeyType, MemberLink
-
-if TYPE_CHECKING:
-    from vpn_server_stand import Stand
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 EXPOSURE = 2.6

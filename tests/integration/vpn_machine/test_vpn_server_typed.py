@@ -3,24 +3,19 @@
 strace tells the arguments and the environment of every process on the operator's laptop, Ansible's and ssh's too.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
 import sys
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import vpn_server_stand
 from vpn_desk import over_a_pipe
-from vpn_server_stand import NAME, ROOT, stand  # noqa: F401 - a fixture
+from vpn_server_stand import NAME, ROOT, Stand, stand  # noqa: F401 - a fixture
 
 from atlantis_netcfg.vpn.pki import key_pem
-
-if TYPE_CHECKING:
-    from vpn_server_stand import Stand
 
 pytestmark = [pytest.mark.namespace, pytest.mark.campaign]
 

@@ -1,17 +1,16 @@
 """The server of the VPN on a machine of systemd: an authority, the role as Ansible runs it, real clients around it."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import preforked
 import pytest
@@ -21,22 +20,16 @@ from debian_trees import GATEWAY
 from waiting import wait_until
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
 from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, join
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn.members import server_names
+from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
 from atlantis_netcfg.vpn.enrolment_package.profile import profile
 from atlantis_netcfg.vpn.identity import Identity, MemberKind, MemberLink
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.lab import Lab, Machine
-    from atlantis_netcfg.vpn import pki
 
 ROOT = Path(__file__).resolve().parents[3]
 NAME = "scc-vpn"
@@ -82,7 +75,7 @@ class Client:
             self.inside(*words), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
 
-    def connect(self) -> Client:
+    def connect(self) -> "Client":
         self.start()
         self.connected()
         return self

@@ -1,11 +1,10 @@
 """A site's router as a twin of some version, and an identity for it."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
@@ -13,11 +12,7 @@ from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.operations.vpn.router import InstalledIdentity, install
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from atlantis_netcfg.vpn.identity import Identity
+from atlantis_netcfg.vpn.identity import Identity
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 HOST = SHIPPED.hosts["coastal-router"]

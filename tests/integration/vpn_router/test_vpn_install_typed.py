@@ -1,17 +1,12 @@
 """`provision vpn install` as it is typed, against an emulated router."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 LINE = ["vpn", "install", "host=coastal-router"]
 

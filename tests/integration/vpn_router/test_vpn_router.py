@@ -1,13 +1,11 @@
 """A router of ours becomes a member of the VPN: on versions that can, again, after a cut, and with a new identity."""
 
-from __future__ import annotations
-
 import asyncio
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-from router_stand import HOST, SHIPPED, router
+from router_stand import HOST, SHIPPED, Stand, router
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
@@ -18,16 +16,8 @@ from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.vpn.rehearsed import identities, rehearsed_identity
 from atlantis_netcfg.operations.vpn.router import identity_for, install
 from atlantis_netcfg.operations.vpn.router_import import PEM, PROFILE, RouterImport
-from atlantis_netcfg.routeros.apply import JobMode, Status, converge
+from atlantis_netcfg.routeros.apply import DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.vpn import routeros
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from router_stand import Stand
-
-    from atlantis_netcfg.routeros.apply import DeviceResult
-
 
 NAME, CERTIFICATE = "ovpn-scc", "atlantis-vpn"
 STEPS = (

@@ -1,17 +1,12 @@
 """Every sentence of an installation is in the command tree of the version that hears it."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from heard import listening
 from router_stand import router
 from trees import Tree
 
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_what_an_installation_says_is_in_the_trees_of_both_versions(tmp_path: Path) -> None:

@@ -1,13 +1,12 @@
 """A device that does as a test's script says, over real TLS on loopback, with a codec of its own."""
 
-from __future__ import annotations
-
 import asyncio
 import datetime as dt
 import hashlib
 import ssl
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes
@@ -17,10 +16,6 @@ from cryptography.x509.oid import NameOID
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.api import Endpoint
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Awaitable, Callable
-    from pathlib import Path
 
 __all__ = ["PASSWORD", "Device", "Peer", "frame", "serving"]
 

@@ -1,10 +1,10 @@
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import socket
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 import pytest
 from scripted_device import PASSWORD, Device, Peer, frame, serving
@@ -23,10 +23,6 @@ from atlantis_netcfg.routeros.api import (
     Traffic,
     Trap,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable
-    from pathlib import Path
 
 T = TypeVar("T")
 PRINT = Command("/ip/address/print")

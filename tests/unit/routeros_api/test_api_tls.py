@@ -1,12 +1,10 @@
-from __future__ import annotations
-
 import asyncio
 import socket
 import ssl
 import struct
 from contextlib import closing
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import pytest
 from scripted_device import Device, Peer, serving
@@ -14,9 +12,6 @@ from scripted_device import Device, Peer, serving
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Endpoint, Session, Unreachable
 from atlantis_netcfg.routeros.api._tls import certificate_bytes, client_context, cut_off, keep_alive, may_cut_off
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 OTHER = "ab" * 32
 

@@ -1,9 +1,8 @@
-from __future__ import annotations
-
 import asyncio
 import selectors
 import socket
-from typing import TYPE_CHECKING, Any
+from collections.abc import Coroutine
+from typing import Any
 
 import pytest
 from scripted_device import Device, frame
@@ -11,9 +10,6 @@ from scripted_device import Device, frame
 from atlantis_netcfg.routeros.api import WINDOW, Command, ProtocolError, SessionLost, Traffic
 from atlantis_netcfg.routeros.api._session import Session
 from atlantis_netcfg.routeros.api._wire import Decoder, Wire
-
-if TYPE_CHECKING:
-    from collections.abc import Coroutine
 
 PRINT = Command("/ip/address/print")
 ADD = Command("/ip/address/add")

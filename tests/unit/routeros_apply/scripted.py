@@ -1,13 +1,8 @@
 """A session without a device."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 from atlantis_netcfg.routeros.api import Command, Reply, Traffic
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 
 class Scripted:

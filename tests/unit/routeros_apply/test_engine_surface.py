@@ -1,7 +1,5 @@
 """What other parts may use of the engine and of the journal."""
 
-from __future__ import annotations
-
 from atlantis_netcfg import journal, routeros
 from atlantis_netcfg.routeros import apply, desired, fleet
 

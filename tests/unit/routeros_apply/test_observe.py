@@ -1,23 +1,17 @@
 """What is read of a device, and what is said of one that does not answer as a RouterOS device does."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import pytest
 from scripted import Scripted
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.routeros._types import Observed
 from atlantis_netcfg.routeros.api import Command, Endpoint, Refused, Reply, Trap
 from atlantis_netcfg.routeros.apply._work import look
 from atlantis_netcfg.routeros.observe import LATER, MenuMissing, completed, observe
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.routeros._types import Observed
 
 ENDPOINT = Endpoint("192.0.2.1", 8729, "provision", Secret("x"), None)
 ANSWERS: Mapping[str, Reply] = {

@@ -1,7 +1,5 @@
 """The state before the change: whole or not at all, by script or by file."""
 
-from __future__ import annotations
-
 import asyncio
 
 import pytest

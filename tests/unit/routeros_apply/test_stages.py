@@ -1,7 +1,5 @@
 """How plans are cut so that safe mode never overflows, and what that costs."""
 
-from __future__ import annotations
-
 import pytest
 
 from atlantis_netcfg.routeros._types import Action, Layer, Plan, Verb

@@ -1,19 +1,12 @@
 """When two readings are the same state; and how a state is declared so that it can be put back."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._items import RunTime
-from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Verb
+from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Row, Verb
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash, restoring
 from atlantis_netcfg.routeros.planner import plan, simulate
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.routeros._types import Row
 
 FACTS = Facts(
     "router", Version(7, 18, 2), "RB5009", "arm64", {}, (), frozenset({"sensitive"}), True, None, "10.0.0.2", 0

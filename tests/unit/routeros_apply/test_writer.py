@@ -1,9 +1,7 @@
 """Actions as scripts, turns of them, and what is read from a script's output."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import pytest
 from scripted import Scripted
@@ -12,9 +10,6 @@ from atlantis_netcfg.routeros._types import Action, Layer, Verb
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply, Trap
 from atlantis_netcfg.routeros.apply._scripts import LIMIT, action_at, output, scripts
 from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, Writer, Written
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 POOL, FILTER, LEASE = "/ip/pool", "/ip/firewall/filter", "/ip/dhcp-server/lease"
 

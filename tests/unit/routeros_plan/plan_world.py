@@ -1,7 +1,5 @@
 """Devices for tests, written as the text that a technician would read on them."""
 
-from __future__ import annotations
-
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Facts, Observed, Plan, Row
 from atlantis_netcfg.routeros.commands import console

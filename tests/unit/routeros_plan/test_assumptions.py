@@ -1,11 +1,9 @@
 """The table of assumptions, the code that rests on it, the page about it, and the facts that it was drawn from."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import yaml
@@ -14,9 +12,6 @@ from pydantic import BaseModel
 from atlantis_netcfg.emulator.routeros import Deviation
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS, SILENCE, TRY, unconfirmed
 from atlantis_netcfg.routeros.verify import CHECKS, TRIES
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CHECKOUT = Path(__file__).parents[3]
 PACKAGE = CHECKOUT / "atlantis_netcfg"

@@ -1,7 +1,5 @@
 """The vocabulary of drift: what is declared, what is on the device, what it was, and every word said about it."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any

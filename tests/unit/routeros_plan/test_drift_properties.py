@@ -1,10 +1,7 @@
 """For any declaration and any device: what is told is what a run would do, and a state that is written can be read."""
 
-from __future__ import annotations
-
 import json
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given, reject, settings
@@ -15,10 +12,8 @@ from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import Observed, Verb
 from atlantis_netcfg.routeros.drift import Comparison, DriftKind, Past, Since, compare
+from atlantis_netcfg.routeros.menus import Menu
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.routeros.menus import Menu
 
 AT = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
 EXPORTED = [menu for menu in LISTS if menu.exported]

@@ -1,7 +1,5 @@
 """What a device's parser is asked of a plan, and what its answers mean: any text survives, and no silence is a yes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

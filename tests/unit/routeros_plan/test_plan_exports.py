@@ -1,7 +1,5 @@
 """A device that is as an export says needs nothing to be so; and what of an export cannot be gone back to."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Menus with very many rows of others: what a plan counts, and that its work grows with the rows alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

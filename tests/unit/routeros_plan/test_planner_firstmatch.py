@@ -1,11 +1,9 @@
 """The promise of first-match menus, for random lists: no packet ever meets a verdict that neither list gives it."""
 
-from __future__ import annotations
-
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
@@ -15,9 +13,6 @@ from plan_world import facts
 from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row, Verb
 from atlantis_netcfg.routeros.desired import Desired, RowItem
 from atlantis_netcfg.routeros.planner import after, plan, simulate
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 FILTER = "/ip/firewall/filter"
 PACKETS = range(4)

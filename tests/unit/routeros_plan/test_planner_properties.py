@@ -1,9 +1,6 @@
 """For any declaration and any device: a plan leads to what is declared, and touches nothing else."""
 
-from __future__ import annotations
-
 from collections import Counter
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given, reject
@@ -11,14 +8,11 @@ from hypothesis import strategies as st
 from plan_world import facts
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros._types import Layer, Observed, Verb
+from atlantis_netcfg.routeros._types import Layer, Observed, Plan, Row, Verb
 from atlantis_netcfg.routeros.commands import console, sentence
 from atlantis_netcfg.routeros.desired import Desired, RowItem
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, PropertyKind, Shape
 from atlantis_netcfg.routeros.planner import CannotPlan, after, plan, simulate
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.routeros._types import Plan, Row
 
 VERSION = Version(7, 18, 2)
 

@@ -1,7 +1,5 @@
 """What a device changes by itself while it works is as declared; everything else about the same row is not."""
 
-from __future__ import annotations
-
 import pytest
 from plan_world import lines, observed
 

@@ -1,7 +1,5 @@
 """A state that was read back, as text: it says all of what it can say, and is what it was when it is read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

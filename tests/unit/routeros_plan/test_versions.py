@@ -1,7 +1,5 @@
 """What a device's version decides: refusals, which all have a hint, and what is newer than anything known."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,26 +1,20 @@
 """What our side says to routers while a test runs: recorded where it leaves us, whatever process the router is in."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from unittest.mock import patch
 
 from holes import known
 from spoken import Said, lines, sentence
+from trees import Tree
 
 from atlantis_netcfg.console.terminal import Terminal
+from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.api._wire import Wire
 from atlantis_netcfg.rsc import unquote
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from trees import Tree
-
-    from atlantis_netcfg.routeros.api import Command, Reply
 
 ASKED_EVERYWHERE = {"/safe-mode/print"}
 """How we learn whether a device has it."""

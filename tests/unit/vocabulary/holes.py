@@ -1,7 +1,5 @@
 """What the trees do not show although devices have it, by name: reviewed, and each is really absent from them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,18 +1,13 @@
 """Every text in our source that looks like a command of RouterOS: what the engine and its neighbours can say."""
 
-from __future__ import annotations
-
 import ast
 import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from trees import ROOT
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
 
 SPEAKERS = (
     "routeros",

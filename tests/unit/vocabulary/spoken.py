@@ -1,18 +1,11 @@
 """What was said to a router, cut into menu, command and argument names: by rules of its own, not by our parser's."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from holes import known
-from trees import parts
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from trees import Tree
+from trees import Tree, parts
 
 _FOLDED = re.compile(r"\\\r?\n *")
 _BLOCK = re.compile(r"\s*(?::do \{|\} on-error=\{|\}|)\s*")

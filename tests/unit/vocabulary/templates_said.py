@@ -1,31 +1,30 @@
 """Everything that the templates can say: rendered with every branch taken, and read off their sources."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING
 
 from spoken import Said, lines
-from trees import ROOT, TREES
+from trees import ROOT, TREES, Tree
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, PtpProtocol, RouterAccessPoint, Switch
-from atlantis_netcfg.render import cpe_view, environment, lte_view, router_view, template_folder
+from atlantis_netcfg.render import (
+    CpeView,
+    LteView,
+    RouterView,
+    cpe_view,
+    environment,
+    lte_view,
+    router_view,
+    template_folder,
+)
 from atlantis_netcfg.render._cpe import access_point
-from atlantis_netcfg.render._switch import switch_view
+from atlantis_netcfg.render._switch import SwitchView, switch_view
 from atlantis_netcfg.render.view import ClassView, Named
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from trees import Tree
-
-    from atlantis_netcfg.render import CpeView, LteView, RouterView
-    from atlantis_netcfg.render._switch import SwitchView
 
 NEWER = {("/interface/wifi", "configuration.installation"): "7.17"}
 """Menu and argument to the first tree that has it: the claim of 7.16 is for names that every version has, but these."""

@@ -1,7 +1,5 @@
 """Every text in the engine and its neighbours that looks like a command is one, in each version that may hear it."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

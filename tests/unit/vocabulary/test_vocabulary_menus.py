@@ -1,7 +1,5 @@
 """The engine's table of menus and the twin's agree with the trees: names, shapes, first versions, words."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from holes import SINCE_ABSENT, known

@@ -1,7 +1,5 @@
 """Every menu, command and argument that the templates can emit is in the tree of every version that we claim."""
 
-from __future__ import annotations
-
 import pytest
 from spoken import lines
 from templates_said import NEWER, bare, left_out, rendered, sources, unknown, words

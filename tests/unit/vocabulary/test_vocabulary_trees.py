@@ -1,7 +1,5 @@
 """The data itself, and the holes that are known in it."""
 
-from __future__ import annotations
-
 import hashlib
 from itertools import pairwise
 

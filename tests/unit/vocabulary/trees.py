@@ -1,18 +1,14 @@
 """RouterOS' command trees, read raw: nothing of the twin's reader is used, so that a fault there cannot hide."""
 
-from __future__ import annotations
-
 import gzip
 import json
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.core.versions import Version
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
 
 ROOT = Path(__file__).parents[3]
 SHIPPED = ROOT / "atlantis_netcfg" / "emulator" / "routeros" / "data"

@@ -1,29 +1,24 @@
 """An authority to try things on: founded once in a process, copied for each test, its CA key at hand."""
 
-from __future__ import annotations
-
 import atexit
 import hashlib
 import shutil
 import tempfile
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cache
 from ipaddress import IPv4Address, IPv4Network
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
+from atlantis_netcfg.vpn.authority.signer import Signer
 from atlantis_netcfg.vpn.identity import Identity, MemberKind
 from atlantis_netcfg.vpn.names import member_name
-
-if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
-
-    from atlantis_netcfg.vpn import pki
-    from atlantis_netcfg.vpn.authority.signer import Signer
 
 PASSPHRASE = Secret("six words that a die has chosen")
 NAMES = ServerNames("vpn-server", ("vpn.example",), (IPv4Address("192.0.2.1"), IPv4Address("10.64.1.2")))

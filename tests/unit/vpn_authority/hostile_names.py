@@ -2,19 +2,14 @@
 
 # ruff: noqa: RUF001 - look-alikes are what it is about
 
-from __future__ import annotations
-
 import random
 import string
 import unicodedata
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.vpn.names import RESERVED
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 __all__ = ["Hostile", "hostile_names", "is_legitimate"]
 

@@ -1,12 +1,11 @@
 """A record that was changed, shortened or put back: what `audit` and `status` find, and what signing refuses."""
 
-from __future__ import annotations
-
 import json
 import shutil
+from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 from zlib import crc32
 
 import pytest
@@ -20,13 +19,7 @@ from atlantis_netcfg.vpn.authority import check
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.ledger_session import Head, read_head
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged
-from atlantis_netcfg.vpn.ledger import digest
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from atlantis_netcfg.vpn.ledger import LedgerState
+from atlantis_netcfg.vpn.ledger import LedgerState, digest
 
 Rows = list[dict[str, object]]
 

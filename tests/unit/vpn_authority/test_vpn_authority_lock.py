@@ -1,10 +1,8 @@
 """One at a time; the others wait, and are told for whom."""
 
-from __future__ import annotations
-
 import os
 from multiprocessing import get_context
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from authority_stand import stand
@@ -12,9 +10,6 @@ from authority_stand import stand
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.model import AuthorityBusy, Lock, is_held
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_who_holds_it_is_named_and_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

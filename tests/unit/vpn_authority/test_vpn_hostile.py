@@ -1,8 +1,7 @@
 """Thousands of names, at the function that issues: refused in words, or good, and nothing is left of those refused."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from authority_stand import POOL, stand
@@ -12,14 +11,8 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
-from atlantis_netcfg.vpn.identity import MemberKind
+from atlantis_netcfg.vpn.identity import Identity, MemberKind
 from atlantis_netcfg.vpn.names import NameRefused, check_name, member_name
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from atlantis_netcfg.vpn.identity import Identity
 
 
 def test_there_are_enough_and_few_are_good() -> None:

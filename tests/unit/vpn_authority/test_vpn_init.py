@@ -1,12 +1,10 @@
 """An authority comes into being as a whole, and is never overwritten."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from authority_stand import NAMES, PASSPHRASE, stand
@@ -19,9 +17,6 @@ from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import ledger_session
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, NoAuthority, ServerNames
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 OTHER = Secret("another six words that a die has chosen")
 

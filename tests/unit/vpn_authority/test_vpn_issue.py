@@ -1,7 +1,5 @@
 """Members are made: recorded first, handed out once, all checked before the first."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace

@@ -1,13 +1,12 @@
 """What `check` finds, what the next command mends, and what the clock forbids."""
 
-from __future__ import annotations
-
 import shutil
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-from authority_stand import stand, wish
+from authority_stand import Stand, stand, wish
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.vpn import pki
@@ -15,12 +14,6 @@ from atlantis_netcfg.vpn.authority import ledger_session
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, ClockBehind
 from atlantis_netcfg.vpn.identity import KeyType
 from atlantis_netcfg.vpn.ledger import LedgerDamaged
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from authority_stand import Stand
 
 NOW = datetime.now(UTC)
 

@@ -1,16 +1,16 @@
 """Lines that are torn, changed, lost or put in: what is cut off, what is refused, and what is said."""
 
-from __future__ import annotations
-
 import base64
 import errno
 import os
 from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING, get_args
+from pathlib import Path
+from typing import get_args
 
 import authority_stand
 import pytest
+from authority_stand import Stand
 
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
@@ -25,11 +25,6 @@ from atlantis_netcfg.vpn.ledger import (
     records,
 )
 from atlantis_netcfg.vpn.ledger.file import GENESIS, digest, encode, parse
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from authority_stand import Stand
 
 NOW = datetime(2026, 11, 22, 7, 30, tzinfo=UTC)
 YEAR = NOW + timedelta(days=365)

@@ -1,8 +1,6 @@
 """What is said about a name that is not taken, and to whom names belong."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from authority_stand import POOL, stand, wish
@@ -10,9 +8,6 @@ from authority_stand import POOL, stand, wish
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
 from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.names import LONGEST, RESERVED, NameRefused, NameTaken, check_free, check_name, member_name
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 LIKE = "a name has a to z, 0 to 9 and `-` between them, like sparus2"
 SAID = [

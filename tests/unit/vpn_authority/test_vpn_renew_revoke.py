@@ -1,13 +1,11 @@
 """Successors that overlap, revocations that are on the list, and what the server saw."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
-from authority_stand import stand, wish
+from authority_stand import Stand, stand, wish
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,11 +14,6 @@ from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.model import HandoutFile, NoSuchMember, RenewalRequest, SessionObservation
 from atlantis_netcfg.vpn.identity import CertificateStatus, KeyType, MemberKind, MemberLink, Wrap
 from atlantis_netcfg.vpn.ledger import LedgerEntry, LedgerState, records
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from authority_stand import Stand
 
 NOW = datetime.now(UTC)
 

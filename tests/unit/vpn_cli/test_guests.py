@@ -1,12 +1,12 @@
 """A robot that is here for a while: let in and taken away by commands alone, and nothing of it is left."""
 
-from __future__ import annotations
-
 import json
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
@@ -16,6 +16,7 @@ from vpn_desk import PASSPHRASE, founded, over_a_pipe
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import OutcomeUnknown
+from atlantis_netcfg.core.events import Subscriber
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
@@ -24,14 +25,8 @@ from atlantis_netcfg.operations import guests
 from atlantis_netcfg.operations.vpn.members import Onboarding
 from atlantis_netcfg.operations.vpn.server import Deployed
 from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.model import RevocationResult
 from atlantis_netcfg.vpn.enrolment_package import open_handout
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.core.events import Subscriber
-    from atlantis_netcfg.vpn.authority.model import RevocationResult
 
 UNTIL = (datetime.now(UTC).date() + timedelta(days=20)).isoformat()
 LAUV = ("name=lauv", "title=LAUV", "partner=udg", "kind=auv", "site=coastal", "cells=gps,wifi,ethernet")

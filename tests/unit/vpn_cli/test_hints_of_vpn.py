@@ -1,14 +1,14 @@
 """What the VPN's commands advise is typed as it was printed, where nobody but the authority is needed for it."""
 
-from __future__ import annotations
-
 import getpass
 import json
 import shutil
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any, Self
+from pathlib import Path
+from typing import Any, Self
 
 import pytest
 from hints_said import advised, said
@@ -21,18 +21,13 @@ from atlantis_netcfg.cli._playbook import PlayOutcome
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.vpn import router
 from atlantis_netcfg.operations.vpn.server import Deployed, NoPush
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import ccd, live_files, openvpn_server
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.declaration import Declaration
 
 SEALED = f"recipient={NOBODY}"
 LAPTOP = ("vpn", "onboard", "partner=iqua", "device=laptop", "kind=laptop", SEALED)

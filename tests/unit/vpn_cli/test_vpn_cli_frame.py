@@ -1,17 +1,12 @@
 """What the frame of all commands does for those of two words, and for text that would do something to a terminal."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+import pytest
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import line as printable_line
-
-if TYPE_CHECKING:
-    import pytest
 
 OURS = [name for name in COMMANDS if name.startswith("vpn ")]
 

@@ -1,7 +1,5 @@
 """Thousands of names at the command line: refused before a passphrase is asked, or good; no file is left."""
 
-from __future__ import annotations
-
 import csv
 import os
 import subprocess

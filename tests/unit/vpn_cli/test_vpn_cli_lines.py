@@ -3,8 +3,6 @@
 No passphrase is there to be typed: whatever is refused here is refused before one is asked for.
 """
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,11 +1,11 @@
 """What the commands make, print and keep, with nobody but the authority."""
 
-from __future__ import annotations
-
 import getpass
 import json
 import shutil
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pyrage
 import pytest
@@ -20,10 +20,6 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.vpn.server import Deployed, NoPush
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 LAPTOP = (*onboarding("iqua", "laptop"), f"recipient={NOBODY}")
 

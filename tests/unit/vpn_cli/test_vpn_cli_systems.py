@@ -1,10 +1,8 @@
 """What a device runs decides the key that it gets: by the declaration, else by the words of the command."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyrage
 import pytest
@@ -13,13 +11,11 @@ from vpn_desk import NOBODY, PASSPHRASE, Desk, declared, onboarding, seated
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import OpenVpnVersion, RosDistribution
 from atlantis_netcfg.vpn import systems
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, MemberKind, Wrap
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 
 @pytest.fixture

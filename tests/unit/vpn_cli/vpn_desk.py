@@ -1,27 +1,21 @@
 """A technician with an authority: command lines typed in this process, their passphrase over a pipe."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
+
+import pytest
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.declaration import load
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
-    import pytest
-
-    from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.declaration import Declaration, load
 
 PASSPHRASE = "mackerel-lantern-orbit-velvet"
 NOBODY = "age1ql3z7hjy54pw3hyww5ayyfg7zqgvc7w3j2elw8zmrj2kg5sfn9aqmcac8p"

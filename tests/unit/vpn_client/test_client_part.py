@@ -1,23 +1,18 @@
 """The part `openvpn_client` of the shipped pilot, and of pilots that differ from it in one thing."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from dataclasses import replace
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import BearerKind, Transport
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, SERVICE, openvpn_client, site_link
 from atlantis_netcfg.vpn.identity import MemberLink
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 HOST = "coastal-gateway"

@@ -1,26 +1,20 @@
 """What is handed to a router: refused below 7.17, taken above, by the twin and, as far as it goes, by OpenVPN."""
 
-from __future__ import annotations
-
 import subprocess
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Transport
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.certificates import OvpnRefused, read_ovpn
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.routeros import RouterTooOld, check_version
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 ROUTER = SHIPPED.hosts["coastal-router"]
@@ -41,7 +35,7 @@ class Console:
     device: Device
 
     @classmethod
-    def of(cls, version: str) -> Console:
+    def of(cls, version: str) -> "Console":
         spec = RouterSpec(name="theirs", version=version, users=(User(name="admin", password="x"),))
         return cls(Device(spec, time.monotonic))
 

@@ -1,14 +1,11 @@
 """Identities for tests, made with `cryptography` alone: a CA, members of every kind, and keys that wrap."""
 
-from __future__ import annotations
-
 import base64
 import secrets
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING
 
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec, rsa
@@ -16,6 +13,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration.model import RosDistribution
 from atlantis_netcfg.vpn.identity import (
     Certificate,
     CertificateStatus,
@@ -27,9 +25,6 @@ from atlantis_netcfg.vpn.identity import (
     MemberLink,
     Wrap,
 )
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration.model import RosDistribution
 
 NOT_BEFORE = datetime(2026, 11, 1, tzinfo=UTC)
 NOT_AFTER = datetime(2027, 12, 3, tzinfo=UTC)

@@ -1,7 +1,5 @@
 """The page of each kind of device, word for word; and that it says of reach what the firewall does."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

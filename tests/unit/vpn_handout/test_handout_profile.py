@@ -1,22 +1,16 @@
 """Profiles: the words of each kind of member, and identities that are read back or refused."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from handout_mint import Wanted, identity
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn.enrolment_package.profile import NotAnIdentity, identity_file, profile, read_identity
 from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from atlantis_netcfg.core.secret import Secret
 
 
 @pytest.fixture(scope="module")

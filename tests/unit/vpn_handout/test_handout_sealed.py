@@ -1,17 +1,15 @@
 """The sealed file: the same inside for the same wish, opened by nobody else, and never unpacked into a surprise."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os
 import re
 import subprocess
 import tarfile
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pyrage
 import pytest
@@ -36,9 +34,6 @@ from atlantis_netcfg.vpn.enrolment_package import (
 )
 from atlantis_netcfg.vpn.enrolment_package.profile import NotAnIdentity, read_identity
 from atlantis_netcfg.vpn.identity import MemberKind, MemberLink, Wrap
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 NOW = datetime(2026, 11, 22, tzinfo=UTC)
 CONTACT = "Example Person"

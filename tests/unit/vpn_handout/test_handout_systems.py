@@ -1,7 +1,5 @@
 """What lies in the hand-out of each system, its DDS files, and the note that is sent along with it."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

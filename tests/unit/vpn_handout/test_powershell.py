@@ -4,25 +4,18 @@ A parser that we did not write reads them, and they use a short list of commands
 has. What they do on Windows, nobody has seen.
 """
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import tree_sitter_powershell
 from handout_mint import identity
 from test_handout_page import CONTACT, KINDS
-from tree_sitter import Language, Parser
+from tree_sitter import Language, Node, Parser
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn.enrolment_package import contents
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tree_sitter import Node
 
 FILES = ("self-test.ps1", "setup.ps1")
 COMMANDS = {"ConvertFrom-Json", "ForEach-Object", "Get-Content", "Join-Path", "New-Object", "Test-Path", "Write-Host"}

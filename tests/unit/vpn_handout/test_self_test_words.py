@@ -1,14 +1,14 @@
 """What the self-test says of each fault, word for word: a program in openvpn's place says openvpn's words."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import socket
 import sys
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import Any
 
 import pytest
 from handout_mint import NOT_AFTER, NOT_BEFORE, Wanted, identity
@@ -17,10 +17,6 @@ from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.render import template_folder
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import KeyType, Wrap
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from types import ModuleType
 
 SAID = Path(__file__).with_name("said")
 NOW = 1795330800.0

@@ -1,7 +1,5 @@
 """Each way in which a server can be otherwise than recorded has its sentence, and nothing else is said."""
 
-from __future__ import annotations
-
 import hashlib
 from contextlib import suppress
 from dataclasses import replace

@@ -1,9 +1,7 @@
 """Which list of revoked certificates may take the place of which: with OpenSSL, as the server has it."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -11,9 +9,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils im
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import run
 from atlantis_netcfg.vpn import pki
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NOW = datetime.now(UTC)
 CA = pki.new_ca("test-ca", NOW)

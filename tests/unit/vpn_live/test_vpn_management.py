@@ -1,12 +1,11 @@
 """The conversation with OpenVPN's management socket: whole, in single bytes, interrupted, silent, and hostile."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import threading
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -21,10 +20,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vp
     sessions,
     written,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 GREETING = ">INFO:OpenVPN Management Interface Version 5 -- type 'help' for more info\r\n"
 NOTICES = ">LOG:1700000000,I,MULTI: something\r\n>CLIENT:ESTABLISHED,7\r\n>BYTECOUNT_CLI:7,10,20\r\n"

@@ -1,7 +1,5 @@
 """How the VPN's server is reached: as Ansible does it, and what ssh says in words for a person."""
 
-from __future__ import annotations
-
 import configparser
 from pathlib import Path
 

@@ -1,11 +1,11 @@
 """An authority for tests, made once a run: who changes anything makes one of their own."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from functools import cache
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING
+from pathlib import Path
+
+from cryptography import x509
 
 from atlantis_netcfg.vpn.identity import KeyType
 from atlantis_netcfg.vpn.pki import (
@@ -20,11 +20,6 @@ from atlantis_netcfg.vpn.pki import (
     new_serial,
     new_server,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cryptography import x509
 
 NOW = datetime(2026, 6, 1, 12, 0, 0, 654321, tzinfo=UTC)
 NAME = "ATLANTIS VPN"

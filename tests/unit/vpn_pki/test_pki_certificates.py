@@ -1,9 +1,8 @@
-from __future__ import annotations
-
 import subprocess
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, TypeVar
+from pathlib import Path
+from typing import TypeVar
 
 import pytest
 from cryptography import x509
@@ -14,9 +13,6 @@ from pki_made import NAME, NOW, authority, client, server
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import KeyType
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 TODAY = datetime.now(UTC)
 T = TypeVar("T", bound=x509.ExtensionType)

@@ -1,28 +1,22 @@
-from __future__ import annotations
-
 import base64
 import itertools
 import os
 import stat
 import subprocess
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.x509 import CertificateRevocationListBuilder as Builder
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pki_made import NOW, authority, client, crl
 
 from atlantis_netcfg.vpn import pki
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from cryptography.x509 import CertificateRevocationListBuilder as Builder
 
 CA = authority()
 ABOVE = 4

@@ -1,25 +1,19 @@
-from __future__ import annotations
-
 import base64
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pyrage
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat, PublicFormat
 
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from atlantis_netcfg.core.errors import NetcfgError
 
 DATA = b"-----BEGIN PRIVATE KEY-----\n\x00\xff\n"
 RIGHT, WRONG = Secret("orchard-lantern-seventeen-\u00e5"), Secret("canary-canary-canary-canary")

@@ -1,15 +1,14 @@
 """Wrapping keys and certificates as the OpenVPN of Debian takes them: a handshake on loopback, without a tunnel."""
 
-from __future__ import annotations
-
 import base64
 import hmac
 import re
 import shutil
 import socket
 import subprocess
+from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from cryptography.hazmat.primitives.ciphers import Cipher
@@ -20,10 +19,6 @@ from pki_made import NAME, crl, entity
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import KeyType
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 OPENVPN = shutil.which("openvpn") or "/usr/sbin/openvpn"
 UP = "Initialization Sequence Completed"

@@ -4,8 +4,6 @@ Semantics after nft(8): a rule applies if all its matches do; accept ends this t
 does not come back, and the end of a base chain is its policy. Words that are not known are an error.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

@@ -1,15 +1,13 @@
 """The shipped pilot with two partners' devices: one robot that the other partner sees, and one that it does not."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Transport, VpnService
 from atlantis_netcfg.vpn.identity import (
     Certificate,
@@ -21,11 +19,6 @@ from atlantis_netcfg.vpn.identity import (
     MembershipList,
     Wrap,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from atlantis_netcfg.declaration import Declaration
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 _NOW = datetime(2026, 6, 1, tzinfo=UTC)

@@ -1,11 +1,9 @@
 """Hostile keys of partners in an inventory: each is refused in its own line, or is a name that harms nobody."""
 
-from __future__ import annotations
-
 import re
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import yaml
@@ -15,9 +13,6 @@ from policy_pilots import SHIPPED
 
 from atlantis_netcfg.declaration import validate
 from atlantis_netcfg.vpn.names import NAME
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 NAMES = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,30}[a-z0-9])?")
 SERVED = ("iqua", "udg")

@@ -1,13 +1,12 @@
-from __future__ import annotations
-
 import itertools
 import os
 import random
 import re
 import subprocess
+from collections.abc import Iterator
 from dataclasses import replace
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -18,10 +17,6 @@ from policy_pilots import MEMBERS, MINE, TIME, member, membership, pilot
 from atlantis_netcfg.declaration.model import VpnService
 from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.policy import ADMITTED, TABLE, Flow, Party, Policy, Protocol, firewall, policy
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 SERVER = "10.80.0.1"
 TUNNEL = {

@@ -1,7 +1,5 @@
 """Which OpenVPN is let run: branches that are mended, and the packages of Debian that are."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

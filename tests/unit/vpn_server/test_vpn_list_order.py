@@ -1,22 +1,15 @@
 """What the server's computer itself asks of a revocation list before it takes the place of another."""
 
-from __future__ import annotations
-
 import subprocess
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import MembershipList
 from atlantis_netcfg.vpn.server import FOLDER, live_files
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.declaration import Declaration
 
 NOW = datetime.now(UTC)
 OURS, OTHERS = (pki.new_ca("ATLANTIS VPN", NOW) for _ in range(2))

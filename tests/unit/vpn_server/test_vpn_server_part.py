@@ -1,19 +1,17 @@
 """Part `openvpn_server`: its configuration, the files of members, and what of it starts the tunnel anew."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from dataclasses import replace
 from datetime import UTC, datetime
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn.identity import (
     TIMERS,
     Certificate,
@@ -26,9 +24,6 @@ from atlantis_netcfg.vpn.identity import (
     Wrap,
 )
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, ccd, live_files, openvpn_server, server_conf
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 SERVER = SHIPPED.hosts["scc-vpn"]
