@@ -1,7 +1,5 @@
 """One `provision` as a person starts it: its processes, its output, and what is left of it."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -11,14 +9,12 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 from campaign.site import ADDRESSES
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
 
 _MARK = "ATLANTIS_CAMPAIGN"
 SILENCE_S = 30.0

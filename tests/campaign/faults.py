@@ -1,24 +1,18 @@
 """What happens to a run, and when: drawn from a seed, so that a round can be played again."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil
 import signal
 import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
-from campaign.site import ADDRESSES, ADMIN, FAR, NEAR, STATES, VERSIONS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from campaign.command import Command
-    from campaign.relay import Way
-    from campaign.site import Site
+from campaign.command import Command
+from campaign.relay import Way
+from campaign.site import ADDRESSES, ADMIN, FAR, NEAR, STATES, VERSIONS, Site
 
 HOSTS = tuple(ADDRESSES)
 SIGNALS = ("KILL", "TERM", "HUP", "INT")

@@ -5,20 +5,16 @@ standards' words. A stream is drawn from a seed; a lie takes a true stream and g
 stream has nothing that the lie would change.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import struct
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import reduce
 from operator import xor
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from random import Random
+from random import Random
+from typing import Any
 
 DAY_S = 86_400
 DEGREE_M = 111_195.0
@@ -68,7 +64,7 @@ class Ride:
     place: tuple[float, float]
     radius_m: float
     ended_s: float | None = None
-    other: Ride | None = None
+    other: "Ride | None" = None
     """A second receiver at the same end."""
     flies: bool = False
     cut: int | None = None

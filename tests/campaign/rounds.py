@@ -1,7 +1,5 @@
 """One round: a command meets its fault, a person follows the advice, and strangers see what came of it."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import json
@@ -11,10 +9,11 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import TwinRefused
@@ -22,12 +21,7 @@ from campaign import advice
 from campaign.command import ORPHAN_S, PYTHON, SILENCE_S, Command, Ended, end, living
 from campaign.faults import FAULTS, Fault, Round, Struck, draw
 from campaign.judge import Picture, Stranger, menus_of
-from campaign.site import ADDRESSES, Site, disturb
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from campaign.site import Stage
+from campaign.site import ADDRESSES, Site, Stage, disturb
 
 SITE = "coastal"
 STEPS = 6

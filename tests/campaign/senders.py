@@ -5,19 +5,15 @@ Knows the words of programs, of RouterOS, of MAVLink and of RTPS, and nothing of
 participants, `chunks` and `senders` of a stream.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re
 import struct
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from random import Random
+from typing import Any
 
 from pymavlink.dialects.v20 import common
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from random import Random
 
 Told = dict[str, Any]
 """One answer."""

@@ -3,16 +3,16 @@
 A real run meets them at their declared addresses, which in this process's own network lead through a relay to twins.
 """
 
-from __future__ import annotations
-
 import json
+import random
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from quay import _inventory, _opened
 
@@ -21,10 +21,6 @@ from atlantis_netcfg.emulator.routeros import Air, SiteSpec, SpawnedSite, User
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
 from campaign.relay import Relay
-
-if TYPE_CHECKING:
-    import random
-    from collections.abc import Iterator, Mapping
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 NEAR, FAR = "coastal-cpe", "scc-cpe"

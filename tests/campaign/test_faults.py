@@ -4,19 +4,15 @@
 `campaign.jsonl` in the folder that `--fault-records` names (otherwise in pytest's own), a line a round.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SAMPLE: tuple[tuple[int, ...], ...] = ((8, 6), (1, 7), (91, 92))

@@ -1,10 +1,9 @@
 """The campaign's own eyes: what it takes for advice, for a leftover, for a difference, and what a seed stands for."""
 
-from __future__ import annotations
-
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,9 +13,6 @@ from campaign import advice
 from campaign.command import Command, end, living
 from campaign.faults import FAULTS, draw
 from campaign.judge import Picture
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 FILTER = "ip/firewall/filter"
 

@@ -1,7 +1,5 @@
 """Records to try things on; every value is an example."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from typing import Any
 

@@ -1,18 +1,13 @@
 """What the journal of this computer says of a device: who adopted it and when, the last run that it was right after."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.asbuilt.look import JournalFacts
 from atlantis_netcfg.asbuilt.record import DeviceRecord, Fact, Origin, ReadState
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import Outcome, Purpose, RunEnded, RunStarted, Store
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 ROUTER, SERVER = "coastal-router", "coastal-gateway"

@@ -1,10 +1,9 @@
 """Screen, page and paper say of each value where it is from; a reader that we did not write reads the QR codes."""
 
-from __future__ import annotations
-
 import re
 import subprocess
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from asbuilt_examples import AT, GATEWAY, away, port, record, router, terminal
@@ -17,10 +16,6 @@ from atlantis_netcfg.core import language, printable
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.language import Language
 from atlantis_netcfg.declaration.model import AsBuilt
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 DIGEST = "0123456789abcdef" * 4
 PLACE = "real/coastal/asbuilt/20261125T100000Z"

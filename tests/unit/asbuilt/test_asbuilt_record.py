@@ -1,9 +1,7 @@
 """A record says what is different, keeps what it could not read as last known, and is green only for what was read."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from asbuilt_examples import AT, GATEWAY, LATER, away, port, read, record, router, terminal
@@ -23,9 +21,6 @@ from atlantis_netcfg.asbuilt.record import (
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.declaration.model import NumberMask
 from atlantis_netcfg.journal import JournalFailed, StateDamaged
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NUMBER = "001017000001234"
 

@@ -1,7 +1,5 @@
 """The arithmetic of what a link carries by itself: sizes, intervals, and what they cost."""
 
-from __future__ import annotations
-
 from decimal import Decimal
 
 import pytest

@@ -1,16 +1,11 @@
 """The bench's own link: what it delays, and what it counts."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from collections.abc import AsyncIterator
 
 import pytest
 
 from bench.proxy import Proxy, Shape
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
 
 
 async def _echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

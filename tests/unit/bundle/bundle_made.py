@@ -1,19 +1,20 @@
 """A small bundle whose packages are nothing but bytes, for tests of opening and carrying."""
 
-from __future__ import annotations
-
 import hashlib
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bundle.manifest import BundledLibrary, BundleFile, HostPart, Keys, Manifest, content_id
+from atlantis_netcfg.bundle.manifest import (
+    BundledLibrary,
+    BundleFile,
+    BundleSigner,
+    HostPart,
+    Keys,
+    Manifest,
+    content_id,
+)
 from atlantis_netcfg.bundle.requirements import HostRequirements, Library, PackageRequirement
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.bundle.manifest import BundleSigner
 
 HOST = "coastal-gateway"
 LIBRARY = Library("https://git.example.org/c4i/library.git", "v1.0")

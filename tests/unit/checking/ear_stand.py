@@ -3,25 +3,19 @@
 from ear_stand import asked, listen, served
 """
 
-from __future__ import annotations
-
 import json
 import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from atlantis_netcfg.checklist.probes import Listen, Place, Transcript
+from atlantis_netcfg.checklist.probes import Answer, Listen, Place, Question, Transcript
 from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
 from atlantis_netcfg.checklist.probes.agent.main import answer_all
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
 
 LOOPBACK = "127.0.0.1"
 ENOUGH_S = 30.0

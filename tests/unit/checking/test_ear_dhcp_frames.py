@@ -1,7 +1,5 @@
 """Frames of DHCP as the ear makes and reads them (RFC 2131); garbage is no offer and no fault."""
 
-from __future__ import annotations
-
 import socket
 import struct
 

@@ -1,16 +1,15 @@
 """The program as a whole: Python 3.8 alone, small, and no question takes another one with it."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os
+import socket
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from ear_stand import ENOUGH_S, asked, asked_apart, listen, served, until_gone
@@ -19,10 +18,6 @@ from waiting import HANG_S
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.agent import BOOT, MODULES, _sources, batch, main, program, read_result
 from atlantis_netcfg.checklist.probes.agent.streams import ProbeError
-
-if TYPE_CHECKING:
-    import socket
-
 
 MOST = 9_000
 """Bytes of the program without questions, which travel once a turn; a satellite link takes them in 0.2 s."""

@@ -1,20 +1,15 @@
 """What the ear hears over TCP, from servers that refuse, hang up, keep silent or say one byte at a time."""
 
-from __future__ import annotations
-
 import errno
 import socket
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import pytest
 from ear_stand import ENOUGH_S, LOOPBACK, asked, heard_by, listen, served, until_gone
 
 from atlantis_netcfg.checklist.probes import Say, Transcript, Trouble
 from atlantis_netcfg.checklist.probes.agent.streams import no_answer, packed
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HELLO = Say(b"hello\n", rb"\r\n$", ENOUGH_S)
 

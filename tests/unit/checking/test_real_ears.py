@@ -1,14 +1,13 @@
 """The real site's ears: OpenSSH's place is taken by a script that writes down how it was called."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import shutil
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from waiting import wait_until
@@ -18,17 +17,12 @@ from atlantis_netcfg.checklist import plan, probes
 from atlantis_netcfg.checklist.runner import NotReached, RealEars, _real, _way_in, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.events import Event, Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.allow_list_test.prove import Proof
 from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.links.look import LinksStatus as LooksBack
 from atlantis_netcfg.operations.request import Request
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.core.events import Event
-    from atlantis_netcfg.operations.links.look import LinksStatus as LooksBack
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 SHIPPED = load(INVENTORY)

@@ -1,22 +1,15 @@
 """A small checklist of our own, so that these tests hold whatever the columns look at."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from atlantis_netcfg.checklist import Book, BookHead, Checklist, Confirmation, PlanEntry, Scope
-from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Step
+from atlantis_netcfg.checklist.probes import Answer, Cell, Consent, Judged, Question, Step
 from atlantis_netcfg.checklist.report import Document, Drawing, Item, ItemKind, Phase, Row
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
 
 NAME = "A. Technician"
 WIFI, FAILSAFE, PING, USBL, DHCP, SKIPPED = EVERY = (

@@ -1,11 +1,9 @@
 """The list is Table 3, whole: no X of it drops out, whatever is declared, and whatever a column has to say."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 import pytest
@@ -18,9 +16,6 @@ from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Column, Endpoints
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 ROOT = Path(__file__).parents[3]
 ANSWERS = ROOT / "tests" / "data" / "answers" / "coastal.yml"

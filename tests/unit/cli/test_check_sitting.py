@@ -1,10 +1,10 @@
 """`provision check` from its words to its end, with devices of which none answers."""
 
-from __future__ import annotations
-
 import json
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -12,7 +12,9 @@ import pytest
 from check_desk import pilot
 
 from atlantis_netcfg.checklist import plan, report
+from atlantis_netcfg.checklist.probes import Answer, Place, Question
 from atlantis_netcfg.checklist.report import Document
+from atlantis_netcfg.checklist.runner import OnAnswer
 from atlantis_netcfg.checklist.runner.results import unanswered
 from atlantis_netcfg.cli import _checklist_session, _session, main
 from atlantis_netcfg.cli._arguments import parse
@@ -21,11 +23,6 @@ from atlantis_netcfg.cli._checklist_workflow import Listening, Prompt, price_of
 from atlantis_netcfg.cli.checklist import CHECK
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist.probes import Answer, Place, Question
-    from atlantis_netcfg.checklist.runner import OnAnswer
     from atlantis_netcfg.cli._session import CommandSession
 
 ROV = ("site=coastal", "vehicle=eca-rov", "--rehearse")

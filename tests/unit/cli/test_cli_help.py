@@ -1,7 +1,5 @@
 """Help is made from the declarations, complete, and light."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The manual page is made from the same table as `--help`, and `man`, groff and mandoc have nothing against it."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

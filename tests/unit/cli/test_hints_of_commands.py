@@ -1,12 +1,11 @@
 """What commands advise without a device is typed as it was printed; after a stop, the words fit the command."""
 
-from __future__ import annotations
-
 import json
 import shutil
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from check_desk import RADIO, Sitting
@@ -21,10 +20,6 @@ from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.report.run import RunReport
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
 
 ROOT = checkout() / "inventory"
 CHANGING = [name for name in COMMANDS if _commands.load(name, COMMANDS).command.changes]

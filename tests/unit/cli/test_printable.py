@@ -1,28 +1,24 @@
 """What is printed shows every character, and obeys none; JSON stays JSON."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys
 import unicodedata
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from impostor import HOSTILE, control_characters
 from pilot_commands import Table
 
 from atlantis_netcfg.cli import main, media
+from atlantis_netcfg.cli._arguments import Arguments
 from atlantis_netcfg.cli._output import progress
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.printable import Style, Styled
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.cli._arguments import Arguments
 
 EVERY = "".join(map(chr, range(0x3000))) + "\ud83e\udd16\ufeff\ufff9\U000e0041"
 

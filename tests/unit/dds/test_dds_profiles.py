@@ -1,7 +1,5 @@
 """Profiles say what is declared, each in the words of its version."""
 
-from __future__ import annotations
-
 from ipaddress import IPv4Address
 
 import pytest

@@ -1,11 +1,10 @@
 """A computer in a folder: files below it, and in place of `ip`, systemd and the three tools what they would do."""
 
-from __future__ import annotations
-
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from network_pilots import coast
@@ -22,9 +21,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ne
     ProgramEnd,
 )
 from atlantis_netcfg.gateway.parts import computer_network
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 PATHS = {
     "netplan": "/etc/netplan/10-atlantis.yaml",

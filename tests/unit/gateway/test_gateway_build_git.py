@@ -1,12 +1,11 @@
 """Fetching: from a real git server with a token, over links that break, and from a folder in place of all servers."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -14,10 +13,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bu
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.emulator.lab.stubs import interop
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
 
 TOKEN = "CANARY-of-the-library"
 HEADER = "c4i-asset-msgs/include/c4i_asset_msgs/stamped.hpp"

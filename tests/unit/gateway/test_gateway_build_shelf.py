@@ -1,7 +1,5 @@
 """Builds on a shelf: which inputs make another one, which one is complete, and which ones are kept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One visit to a gateway: a build is started, joined, taken into use, or its failure told; systemd is played here."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from dataclasses import dataclass, field

@@ -1,16 +1,11 @@
 """Settings that would keep ROS 2 on its own computer are found where people and systems put them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules import env_conflicts
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NAME = "ROS_LOCALHOST_ONLY"
 PASSWD = "root:x:0:0:root:/root:/bin/bash\nodroid:x:1000:1000::/home/odroid:/bin/sh\nnobody:x:1:1::/:/bin/false\n"

@@ -1,23 +1,18 @@
 """The part `gateway_ros2` of the shipped pilot, and of pilots that differ from it in one thing."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Dds, Gateways, Ros2, RosDistribution, RosMiddleware, RosOrigin
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, publish
 from atlantis_netcfg.gateway.ros2 import RELEASES, ArchiveKey, GatewayRos2, StandIn, archive_key, gateway_ros2
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

@@ -2,8 +2,6 @@
 
 # ruff: noqa: F401, F811 - `box` is a fixture
 
-from __future__ import annotations
-
 import errno
 import json
 from typing import Any

@@ -1,7 +1,5 @@
 """Part `gateway_base`: what the shipped inventory's gateway gets, and what a declaration changes of it."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

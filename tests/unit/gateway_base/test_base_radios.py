@@ -1,7 +1,5 @@
 """Part `gateway_base`: the radios of a gateway, which join the access points of vehicles."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

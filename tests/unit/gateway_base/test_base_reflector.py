@@ -1,14 +1,12 @@
 """What answers the checklists of other computers: laid down in the VPN alone, and a program that says what came."""
 
-from __future__ import annotations
-
 import json
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import HANG_S
@@ -28,9 +26,6 @@ from atlantis_netcfg.gateway.reflector import (
     far_end,
     reflector,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CHECKOUT = Path(__file__).parents[3]
 SHIPPED = load(CHECKOUT / "inventory")

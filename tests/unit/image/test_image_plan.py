@@ -1,7 +1,5 @@
 """The planner: from what an image holds and what a host shall be to the edits; nothing is read or written."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Interface
 

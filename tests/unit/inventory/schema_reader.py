@@ -1,18 +1,14 @@
 """A reader of the schemas that we did not write: `jsonschema`, and YAML as an editor reads it."""
 
-from __future__ import annotations
-
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import yaml
 from jsonschema import Draft202012Validator
 
 from atlantis_netcfg.declaration.json_schema import FOLDER
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
 

@@ -1,22 +1,18 @@
 """Old runs are put aside, so that a thousand of them cost what ten do; nothing that is needed goes, nothing is lost."""
 
-from __future__ import annotations
-
 import json
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hints_said import advised
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.journal import KEPT, Outcome, Purpose, RunEnded, RunStarted, Store
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 STARTED = RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
 opened: list[list[str]] = []

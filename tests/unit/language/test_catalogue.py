@@ -1,19 +1,14 @@
 """How a message that is already made is found in the catalogue, and what is never lost or changed in it."""
 
-from __future__ import annotations
-
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.catalogue import _MOST_TRIED, Catalogue, read
 from atlantis_netcfg.core.language import Language
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 MESSAGES = {
     "nothing was changed": "nada foi alterado",

@@ -1,13 +1,12 @@
 """The Portuguese catalogue: complete, true to the values of each message, and in European forms."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from string import Formatter
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 import pytest
 
@@ -16,10 +15,6 @@ from atlantis_netcfg.cli.help import of_command, overview
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.catalogue import Catalogue, Template, read
 from atlantis_netcfg.core.language import Language, catalogue_file
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from types import ModuleType
 
 ROOT = Path(__file__).parents[3]
 GLOSSARY = ROOT / "docs" / "pt" / "glossario.md"

@@ -1,10 +1,9 @@
 """What a router's answers about its links mean: refusals, missing fields and unknown words are None, never 0."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -12,9 +11,6 @@ import yaml
 from atlantis_netcfg.bearers.policy import BearerRoute
 from atlantis_netcfg.operations.links.session import Echo, SeenNeighbour, SessionPort, questions, read
 from atlantis_netcfg.routeros.api import Reply, Trap
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 CASES = yaml.safe_load(Path(__file__).with_name("router_reading_cases.yml").read_text(encoding="utf-8"))
 WAYS = (

@@ -1,7 +1,5 @@
 """The AT driver against a modem on a pty: readings from data cases, owners, silence, and what may be sent at all."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import os
@@ -10,9 +8,10 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -22,9 +21,6 @@ import atlantis_netcfg
 from atlantis_netcfg.bearers.lte import LteReading, Registration, at
 from atlantis_netcfg.bearers.lte import at as driver
 from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 DATA: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("at_cases.yml").read_text(encoding="utf-8"))
 HEARD: list[str] = []

@@ -1,11 +1,10 @@
 """The RutOS reader: its words from data cases, its talk against the twin over real TLS."""
 
-from __future__ import annotations
-
 import dataclasses
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -14,9 +13,6 @@ from atlantis_netcfg.bearers.lte import LteReading, Registration, rutos_client
 from atlantis_netcfg.bearers.lte.rutos_read import modem_of, read, reading_of
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CASES: list[dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("rutos_cases.yml").read_text(encoding="utf-8"))
 PASSWORD = "a-reader's-password"

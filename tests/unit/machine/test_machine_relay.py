@@ -1,21 +1,16 @@
 """The bearer between this computer and a machine; here a server of the loopback stands for the machine."""
 
-from __future__ import annotations
-
 import socket
 import struct
 import time
+from collections.abc import Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayTraffic, RelayWay
 from atlantis_netcfg.emulator.udp_link import LinkShape
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 
 @pytest.fixture

@@ -1,13 +1,12 @@
 """Who is asked before what is sent over which link, and what is written down after: against the shipped declaration."""
 
-from __future__ import annotations
-
 import ast
 import inspect
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -17,9 +16,10 @@ from atlantis_netcfg.cli._commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration import load as load_inventory
 from atlantis_netcfg.declaration.model import LteDriver, LteRouter
-from atlantis_netcfg.journal import CostCounted, NoJournal, Store
+from atlantis_netcfg.journal import CostCounted, NoJournal, Record, Store
 from atlantis_netcfg.operations import Mode, Request, Target, site
 from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, links_of, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
@@ -29,12 +29,6 @@ from atlantis_netcfg.operations.request import REMOVE_FOREIGN, consent
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.journal import Record
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 ROUTER = "coastal-router"

@@ -1,13 +1,12 @@
 """Gateways in a run: what a role is told, and what becomes of the results of its tasks."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -20,9 +19,6 @@ from atlantis_netcfg.operations.computers.parts import PARTS, fetching, narrowed
 from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
 from atlantis_netcfg.operations.site import RunName, SiteRun
 from atlantis_netcfg.report.drift import drift_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 HOST = "coastal-gateway"

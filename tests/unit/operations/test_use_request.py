@@ -1,11 +1,9 @@
 """What `provision use` takes, what it refuses, and what it says of the cost."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import yaml
@@ -27,9 +25,6 @@ from atlantis_netcfg.operations.link_use import (
 )
 from atlantis_netcfg.operations.links.look import LinksStatus
 from atlantis_netcfg.routeros.link_use import LinkUse, in_use
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 NOW = datetime(2026, 11, 25, 20, 0, 31, tzinfo=UTC)

@@ -1,7 +1,5 @@
 """What a proof asks, when it stops, and what it concludes."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Messages in chunks, the search for the highest rate, path MTU, tables and verdicts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

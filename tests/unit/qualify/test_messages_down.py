@@ -1,9 +1,6 @@
 """Messages from the far end: what they measure, and that nobody else gets them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import pytest
 from simulated_network import KEY, SECOND, SOURCE, START, Recording, SimulatedNetwork, network, unlimited
@@ -17,11 +14,8 @@ from atlantis_netcfg.qualify.reflector import stamp
 from atlantis_netcfg.qualify.reflector.answering import Reflector
 from atlantis_netcfg.qualify.samples import MessageDirection, MessageEnded
 from atlantis_netcfg.qualify.search import RateLimit, sustained_rate
-from atlantis_netcfg.qualify.session import ReflectorPeer, run
+from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, run
 from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.qualify.session import PacketStream
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28)
 DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)

@@ -1,7 +1,5 @@
 """What the reflector answers, and above all what it does not."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -5,8 +5,6 @@ costs is known before it (test_messages, test_messages_down), no kernel's netem 
 is lost with each of its packets (test_messages). The bytes of DDS belong to `provision fit`.
 """
 
-from __future__ import annotations
-
 import io
 
 import pytest

@@ -1,7 +1,5 @@
 """The link of known truth is what it says: its own counters and the times of arrival."""
 
-from __future__ import annotations
-
 import random
 import socket
 

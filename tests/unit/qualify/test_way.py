@@ -1,10 +1,9 @@
 """Which rows lead and count the test packets, and what is concluded from what the router counted."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import pytest
 
@@ -13,12 +12,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.operations.allow_list_test.prove import MARK
 from atlantis_netcfg.operations.qualify import way
 from atlantis_netcfg.qualify.measured_run import LinkCount
-from atlantis_netcfg.routeros.api import Command, Reply
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from atlantis_netcfg.routeros.api import Session
+from atlantis_netcfg.routeros.api import Command, Reply, Session
 
 FLOW = way.MeasuredFlow("10.64.101.10", 40000, "203.0.113.2", 862)
 LINKS = {"ether1": "wifi", "ether2": "4g"}

@@ -1,7 +1,5 @@
 """The last lines of a run: one verdict, counts that add up, the device that needs a person first, and what to do."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

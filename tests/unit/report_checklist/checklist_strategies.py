@@ -1,18 +1,14 @@
 """Documents as nobody would write them: any text, any order, rows without items, items without rows."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta, timezone
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import checklist_example as made
 from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist import report
 from atlantis_netcfg.core.events import Verdict
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 HOSTILE = (
     "<script>alert(1)</script>",

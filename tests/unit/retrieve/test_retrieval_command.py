@@ -1,23 +1,18 @@
 """`provision retrieve` as it is typed, with a stand-in for ssh that answers in the place of the gateway."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hints_said import advised, said
 from retrieval_programs import CENTRE, GATEWAY, KEY, ROBOT, with_retrieval
 
 from atlantis_netcfg.cli import _session, links, main
+from atlantis_netcfg.cli._arguments import Arguments
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.cli._arguments import Arguments
 
 SSH = """\
 #!/bin/sh

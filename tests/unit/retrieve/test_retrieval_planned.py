@@ -1,7 +1,5 @@
 """What a transfer takes and costs before it begins, how it stands, and how a command ends by that."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

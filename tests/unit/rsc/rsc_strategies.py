@@ -1,7 +1,5 @@
 """Hypothesis strategies for export text."""
 
-from __future__ import annotations
-
 from hypothesis import strategies as st
 
 from atlantis_netcfg.rsc import Export, Statement

@@ -1,7 +1,5 @@
 """Before and after the link: what is asked of a module, and what becomes of all that a gateway says."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import re

@@ -5,15 +5,13 @@
 An import of the device stops at its first error. Here each line has its turn: one refusal does not hide the others.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros import ModemSpec
 from atlantis_netcfg.emulator.routeros.boot import SYSTEM
@@ -22,9 +20,6 @@ from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.schema import PACKAGE_MENUS
 from atlantis_netcfg.emulator.routeros.spec import ManagementSpec, Radio, RouterSpec, User
 from atlantis_netcfg.routeros.menus import MENUS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
 
 _VERSION = re.compile(r"^# .*by RouterOS (\d\S*)", re.MULTILINE)
 _MODEL = re.compile(r"^# model = (\S+)", re.MULTILINE)

@@ -1,7 +1,5 @@
 """Packets that somebody else has carried: the router leads and counts them by its own rows, right or wrong."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

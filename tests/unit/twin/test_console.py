@@ -1,7 +1,5 @@
 """Scripts of `/execute`: the subset, its quoting, its error texts (Manual, Scripting; Manual, Console)."""
 
-from __future__ import annotations
-
 from row_subtests import for_each_row
 from twin_bench import make
 

@@ -1,7 +1,5 @@
 """Sessions, time, flash: what the wire builds on."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """Export text: what it shows, what it hides, and that it goes back in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What real exports hold and a twin once refused, each beside what it has to refuse as before."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

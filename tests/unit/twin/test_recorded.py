@@ -1,23 +1,17 @@
 """What real devices said, as data: `tests/data/recorded/cases.jsonl`, a case a row."""
 
-from __future__ import annotations
-
 import json
 import shlex
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from row_subtests import for_each_row
+from row_subtests import Test, for_each_row
 from twin_bench import Bench, make, row
 
 from atlantis_netcfg.emulator.routeros.spec import ManagementSpec, User
 from atlantis_netcfg.emulator.routeros.values import Address, Time, interval, seconds
 from atlantis_netcfg.routeros.menus._values import PropertyKind, canonical
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from row_subtests import Test
 
 FILE = Path(__file__).parents[2] / "data" / "recorded" / "cases.jsonl"
 DOORS = frozenset({"address", "api", "execute", "fields", "inspect", "listen", "parse", "time"})

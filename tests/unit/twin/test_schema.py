@@ -1,7 +1,5 @@
 """The vocabulary: RouterOS' own trees, what they lack, and our table of menus held against them."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from importlib import resources

@@ -1,7 +1,5 @@
 """Value syntaxes: what goes in, how it is printed, what is refused."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,15 +1,11 @@
 """A router twin on a clock that tests turn by hand."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec, User
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
 
 TECHNICIAN = "10.64.101.10"
 ROUTER = "10.64.101.1"

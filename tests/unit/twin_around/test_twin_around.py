@@ -1,11 +1,11 @@
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from atlantis_netcfg.emulator.routeros import RunningSite, TwinRefused
+from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
@@ -19,11 +19,6 @@ from atlantis_netcfg.emulator.routeros.spec import (
     User,
     Validity,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.emulator.routeros.answers import Answer
 
 CLOCK = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 SEED = """

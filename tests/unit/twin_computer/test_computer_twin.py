@@ -1,7 +1,5 @@
 """What no program on every computer can be compared with: iw, timedatectl, chronyc, and what is not there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,16 +1,12 @@
 """A router twin with a modem, and what the reader of bearers makes of it."""
 
-from __future__ import annotations
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
-
+from atlantis_netcfg.bearers.lte import LteReading
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
+from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import CellSpec, ModemSpec, RouterSpec, SimSpec, User
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.lte import LteReading
-    from atlantis_netcfg.emulator.routeros.answers import Answer
 
 
 class Box:

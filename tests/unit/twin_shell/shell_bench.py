@@ -1,16 +1,11 @@
 """A console session on a device with a clock of its own, without sockets."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.shell.keys import split_login
 from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession, DirectTalk
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 PASSWORD = "open sesame"
 TECHNICIAN = "10.64.101.10"
@@ -38,7 +33,7 @@ class Bench:
         self.clock = Clock()
         self.device = Device(RouterSpec.model_validate({"name": "router", "users": users, **spec}), self.clock)
 
-    def terminal(self, login: str = "admin+cet80w", *, sized: bool = True) -> Terminal:
+    def terminal(self, login: str = "admin+cet80w", *, sized: bool = True) -> "Terminal":
         return Terminal(self, login, sized=sized)
 
     def text(self) -> str:

@@ -1,10 +1,10 @@
 """SSH on a wire that fails: what befalls API connections befalls these, and safe mode ends as it does there."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import AsyncIterator, Coroutine
 from contextlib import asynccontextmanager, suppress
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 import asyncssh
 import pytest
@@ -19,10 +19,6 @@ from atlantis_netcfg.emulator.routeros import (
     User,
     WireBehaviour,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Coroutine
-    from pathlib import Path
 
 T = TypeVar("T")
 PASSWORD = "open sesame"
@@ -70,7 +66,7 @@ class Console:
         self.process = process
 
     @classmethod
-    async def open(cls, connection: asyncssh.SSHClientConnection) -> Console:
+    async def open(cls, connection: asyncssh.SSHClientConnection) -> "Console":
         console = cls(await connection.create_process(term_type="vt100", term_size=(80, 24)))
         await console.until("> ")
         return console

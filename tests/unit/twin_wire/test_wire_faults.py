@@ -1,16 +1,12 @@
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import Literal
 
 import pytest
 from librouteros.exceptions import ConnectionClosed
 from wire_helpers import Client, now, router, run
 
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, FaultKind, LinkFault, WireBehaviour
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PRINT = "/system/identity/print"
 RENAME = ("/system/identity/set", "=name=renamed")

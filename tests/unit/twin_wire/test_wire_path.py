@@ -1,9 +1,7 @@
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import ssl
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from wire_helpers import Client, now, router, router_spec, run
@@ -11,9 +9,6 @@ from wire_helpers import Client, now, router, router_spec, run
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, FaultKind, LinkFault, WireBehaviour, WireCounters
 from atlantis_netcfg.emulator.routeros.wire.link import Faults, WirePace, masked
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PRINT = "/system/identity/print"
 DROP = ("/ip/firewall/filter/add", "=chain=input", "=action=drop", "=in-interface=ether8")

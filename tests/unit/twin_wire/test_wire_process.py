@@ -1,12 +1,11 @@
-from __future__ import annotations
-
 import json
 import os
 import select
 import signal
 import subprocess
 import sys
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import librouteros
 import pytest
@@ -15,9 +14,6 @@ from waiting import HANG_S
 from wire_helpers import PASSWORD, router_spec
 
 from atlantis_netcfg.emulator.routeros import SiteSpec, TwinRefused, TwinsFailed, TwinSpec, spawn
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SITE = SiteSpec(name="coastal", twins=(TwinSpec(router=router_spec()),))
 RENAME = ["/system/identity/set", "=name=renamed"]

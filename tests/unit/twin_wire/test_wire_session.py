@@ -1,8 +1,6 @@
-from __future__ import annotations
-
 import hashlib
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from librouteros.protocol import encode_word
@@ -10,9 +8,6 @@ from wire_helpers import PASSWORD, Client, router, row, run
 
 import atlantis_netcfg.emulator.routeros as package
 from atlantis_netcfg.emulator.routeros import RouterLink, RouterSpec, SiteSpec, TwinSpec, WireBehaviour
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PRINT = "/system/identity/print"
 DONE = ("!done", ())

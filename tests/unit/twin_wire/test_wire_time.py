@@ -1,14 +1,10 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import Literal
 
 import pytest
 from wire_helpers import Client, now, router, run
 
 from atlantis_netcfg.emulator.routeros import RouterLink, WireBehaviour
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PRINT = "/system/identity/print"
 RTT = 0.7

@@ -1,21 +1,17 @@
 """Time that jumps, and a client on librouteros' codec that can say several sentences at once."""
 
-from __future__ import annotations
-
 import asyncio
 import selectors
 import ssl
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from collections.abc import Coroutine, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
 
 from librouteros import async_create_transport
 from librouteros.protocol import AsyncApiProtocol, encode_sentence
 
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterLink, RouterSpec, User, WireBehaviour
-
-if TYPE_CHECKING:
-    from collections.abc import Coroutine, Mapping
-    from pathlib import Path
-    from types import TracebackType
 
 T = TypeVar("T")
 PASSWORD = "open sesame"

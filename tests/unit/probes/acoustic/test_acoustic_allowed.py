@@ -1,7 +1,5 @@
 """What may be sent to a modem: the lines of devices.md 5, and whatever else somebody may think of."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,11 +1,8 @@
 """A RouterOS device's receiver: what is asked exists in every version, and what is said of each answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import trees
@@ -13,13 +10,10 @@ import yaml
 from gps_said import FENCE
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist.probes import RouterOsQuery, Rows, Trouble, gps
+from atlantis_netcfg.bearers.status import Query
+from atlantis_netcfg.checklist.probes import Judged, RouterOsQuery, Rows, Trouble, gps
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.status import Query
-    from atlantis_netcfg.checklist.probes import Judged
 
 WANTED = gps.GpsExpectation("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
 PROBE = gps.RouterosGps(WANTED, "off-router")

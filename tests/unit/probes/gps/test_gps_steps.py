@@ -1,7 +1,5 @@
 """Which items the column makes of a declaration."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

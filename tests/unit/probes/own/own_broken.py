@@ -1,14 +1,14 @@
 """Ways in which a site is broken, one at a time; what is to be said of each stands in `own_cases.yml`."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from own_world import AROUND, CARDS, IDENTITY, LOOKS, NETPLAN, NOW, World, computer, timed
 
 from atlantis_netcfg.checklist.probes import (
+    Answer,
     CommandResult,
     DdsDiscoverRequest,
     DdsDiscoverResult,
@@ -16,6 +16,7 @@ from atlantis_netcfg.checklist.probes import (
     DhcpOffers,
     LinkStatusResult,
     Place,
+    Question,
     ReflectRequest,
     ReflectResult,
     RouterOsQuery,
@@ -25,11 +26,6 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.emulator.routeros.spec import Called, Load, Validity
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
 
 ROGUE = linux.OfferSpec(server="192.168.8.1", mac="02:00:5E:00:01:24", address="192.168.8.100", router="192.168.8.1")
 OWN = computer().dhcp["eth0"][0]

@@ -1,29 +1,23 @@
 """The coastal site in this process: its router as a twin that holds its declared text, its gateway as a twin, too."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.probes.site_checks.link_qualified import NAME as LINK_QUALIFIED
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
 from atlantis_netcfg.emulator.routeros.spec import Environment, Load, ManagementSpec, Radio, RouterSpec, User, Validity
 from atlantis_netcfg.render import router
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from atlantis_netcfg.declaration import Declaration
 
 SITE = "coastal"
 NOW = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)

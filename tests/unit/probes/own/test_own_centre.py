@@ -1,7 +1,5 @@
 """Whether data reach the gateways, as the control centre asks them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,18 +1,12 @@
 """The programs themselves, as they are on this computer: what they print is what is read."""
 
-from __future__ import annotations
-
 import subprocess
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.checklist.probes import CommandResult, Place, ping
+from atlantis_netcfg.checklist.probes import CommandResult, Place, RunProgram, ping
 from atlantis_netcfg.checklist.probes import ping as _ping
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import RunProgram
 
 
 def run(question: RunProgram) -> CommandResult:

@@ -1,10 +1,9 @@
 """Which items the radio columns make of a declaration."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -13,9 +12,6 @@ from atlantis_netcfg.checklist.probes.registry import steps_of
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Bearer, Endpoints
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 ROOT = Path(__file__).parents[4]
 
