@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
+import inspect
 import ipaddress
 import os
 import re
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 MARKERS = (
     "arm64: the processor of the gateways, emulated; `make test-arm64` runs it, once per release",
+    "coroutine(run=): a test that is a coroutine, and what runs it in place of asyncio.run",
     "campaign: long tests that `make campaign` runs",
     "slow: takes more than a few seconds; `make test-full` runs it, and CI in one of its shards",
     "smoke(*cases): a slow test, or these of its cases, that `make test` runs too: one of each command and counterpart",
@@ -150,6 +153,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=[*(tier_of.keys() - set(kept))])
         items[:] = kept
     items.sort(key=lambda test: (-cost(_file(test), *(tiers or ())), _file(test)))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine."""
+    test = pyfuncitem.obj
+    if not inspect.iscoroutinefunction(test):
+        return None
+    mark = pyfuncitem.get_closest_marker("coroutine")
+    run = mark.kwargs["run"] if mark else asyncio.run
+    run(test(**{name: pyfuncitem.funcargs[name] for name in inspect.signature(test).parameters}))
+    return True
 
 
 def _file(test: pytest.Item) -> str:

@@ -203,8 +203,9 @@ def test_an_end_that_is_not_there_is_not_knocked_at_again(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(
-    "question", [probes.LinkStatusRequest("l", "satellite"), probes.RouterOsQuery("a", "router", None)]
-)  # type: ignore[arg-type]
+    "question",
+    [probes.LinkStatusRequest("l", "satellite"), probes.RouterOsQuery("a", "router", None)],  # type: ignore[arg-type]
+)
 def test_a_question_of_another_place_is_no_question_of_the_program(
     question: probes.LinkStatusRequest | probes.RouterOsQuery,
 ) -> None:

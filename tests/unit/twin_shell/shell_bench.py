@@ -22,8 +22,6 @@ class Clock:
 
 
 class Bench:
-    """A device, and terminals on it."""
-
     def __init__(self, **spec: object) -> None:
         users = (
             User(name="admin", password=PASSWORD),
@@ -45,8 +43,6 @@ class Bench:
 
 
 class Terminal:
-    """Somebody who has logged in and types."""
-
     def __init__(self, bench: Bench, login: str, *, sized: bool) -> None:
         self._bench = bench
         user, screen = split_login(login)
@@ -63,7 +59,6 @@ class Terminal:
         return text
 
     def type(self, text: str, *, cut: bool = False) -> str:
-        """Type, all at once or byte by byte."""
         data = text.encode(errors="surrogateescape")
         asyncio.run(self._feed([data[at : at + 1] for at in range(len(data))] if cut else [data]))
         return self.shown()

@@ -51,8 +51,7 @@ def test_the_protocol_and_sigterm(tmp_path: Path) -> None:
         twins.send_signal(signal.SIGTERM)
         assert twins.wait(HANG_S) == 0
     with process(tmp_path) as twins:
-        again = ask(twins, "")
-        assert again["twins"]["router"]["pin"] == ready["twins"]["router"]["pin"]
+        assert ask(twins, "")["twins"]["router"]["pin"] == ready["twins"]["router"]["pin"]
         assert "name=renamed" in ask(twins, '{"twin": "router", "do": "export"}')["result"]
         twins.communicate("")
         assert twins.returncode == 0
@@ -94,8 +93,7 @@ def test_two_twins_with_one_name_are_refused() -> None:
 def test_spawned_twins_serve_and_obey(tmp_path: Path) -> None:
     with spawn(SITE, tmp_path) as twins:
         where = twins.ready["router"]
-        api = librouteros.connect(where["host"], "provision", PASSWORD, port=where["api"])
-        api.close()
+        librouteros.connect(where["host"], "provision", PASSWORD, port=where["api"]).close()
         assert twins.do("router", "counters")["logins"] == 1
         with pytest.raises(TwinRefused, match="explode"):
             twins.do("router", "explode")

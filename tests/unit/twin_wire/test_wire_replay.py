@@ -46,8 +46,6 @@ sentences = st.lists(
 
 
 class Tap:
-    """Keeps what one session sends and hears, in clear."""
-
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.up = bytearray()
         self.down = bytearray()

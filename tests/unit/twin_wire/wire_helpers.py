@@ -82,7 +82,6 @@ class Client:
         self.transport.writer.transport.abort()
 
     def write(self, *sentences: tuple[str, ...]) -> None:
-        """All sentences in one write."""
         self.raw(b"".join(encode_sentence(*words, encoding="utf-8") for words in sentences))
 
     def raw(self, data: bytes) -> None:
@@ -100,7 +99,6 @@ class Client:
         return replies
 
     async def talk(self, *words: str) -> list[Reply]:
-        """One sentence and its answer."""
         self.write(words)
         return await self.answer()
 
@@ -122,7 +120,6 @@ class Client:
 
 
 def row(reply: Reply) -> Mapping[str, str]:
-    """The properties of a `!re`."""
     return dict(word[1:].split("=", 1) for word in reply[1] if word.startswith("="))
 
 
