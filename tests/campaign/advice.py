@@ -19,8 +19,6 @@ TABLE: Mapping[int, tuple[str, ...] | None] = {3: None, 4: None, 5: ("resume", "
 
 @dataclass(frozen=True)
 class Advice:
-    """The next step."""
-
     typed: tuple[str, ...] | None
     """Words behind `provision`; None: the same command again."""
     waits: bool

@@ -30,8 +30,6 @@ _EXEMPT = (signal.SIGKILL, signal.SIGSTOP)
 
 @dataclass
 class Ended:
-    """How a command has ended."""
-
     typed: tuple[str, ...]
     code: int | None
     """None: it had to be killed by us."""
@@ -94,8 +92,6 @@ class Ended:
 
 @dataclass
 class Command:
-    """A command that runs, as a process group of its own."""
-
     typed: tuple[str, ...]
     environment: Mapping[str, str]
     folder: Path
@@ -171,7 +167,6 @@ class Command:
         return family(self.process.pid)
 
     def signal(self, number: signal.Signals, pids: Sequence[int]) -> None:
-        """Strike these processes."""
         self.struck |= number in _EXEMPT and self.process.pid in pids
         for pid in pids:
             with contextlib.suppress(ProcessLookupError):
@@ -211,7 +206,6 @@ class Command:
 
 
 def living(mark: str, seconds: float) -> list[int]:
-    """Who of a command still lives after so long."""
     until = time.monotonic() + seconds
     while (left := marked(mark)) and time.monotonic() < until:
         time.sleep(_POLL_S)
@@ -243,7 +237,6 @@ def family(pid: int) -> list[int]:
 
 
 def marked(mark: str) -> list[int]:
-    """Processes whose environment has the mark."""
     found = []
     for each in Path("/proc").glob("[0-9]*/environ"):
         with contextlib.suppress(OSError):

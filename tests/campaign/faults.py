@@ -35,8 +35,6 @@ class Moment:
 
 @dataclass(frozen=True)
 class Fault:
-    """What: a name of FAULTS, with what it strikes and for how long."""
-
     name: str
     moment: Moment
     target: str = ""
@@ -49,8 +47,6 @@ class Fault:
 
 @dataclass(frozen=True)
 class Round:
-    """One seed's round."""
-
     seed: int
     state: str
     version: str
@@ -148,7 +144,6 @@ class Struck:
         return [way.host for way in self.ways]
 
     def pids(self) -> list[int]:
-        """The processes that the fault means."""
         everybody = self.command.processes()
         who = self.fault.target.partition(" ")[0]
         others = everybody[1:] or everybody

@@ -31,8 +31,6 @@ _MOVES = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A device as the stranger has read it."""
-
     host: str
     menus: Mapping[str, Rows | None]
     error: str = ""
@@ -109,7 +107,6 @@ class Stranger:
         self._process.communicate()
 
     def read(self, site: Site, menus: Mapping[str, Sequence[str]], timeout_s: float = 10.0) -> dict[str, Picture]:
-        """All devices; one that cannot be reached has the reason instead."""
         return {host: self._read(site, host, menus[host], timeout_s) for host in ADDRESSES}
 
     def _read(self, site: Site, host: str, menus: Sequence[str], timeout_s: float) -> Picture:

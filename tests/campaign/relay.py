@@ -21,8 +21,6 @@ _RESET = struct.pack("ii", 1, 0)
 
 @dataclass
 class Way:
-    """The way to one device."""
-
     host: str
     address: str
     ports: dict[int, int] = field(default_factory=dict)
@@ -67,7 +65,6 @@ class Relay:
 
     @property
     def trips(self) -> int:
-        """Requests over all ways."""
         return sum(way.trips for way in self.ways.values())
 
     def lead(self, ports: Mapping[str, dict[int, int]]) -> None:
@@ -77,7 +74,6 @@ class Relay:
         self.heal()
 
     def heal(self) -> None:
-        """Everything passes again."""
         self.soon(self._heal)
 
     def soon(self, act: Callable[[], object]) -> None:

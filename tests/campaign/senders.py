@@ -38,8 +38,6 @@ def not_given(*names: str) -> Callable[[Random, dict[str, Told]], None]:
 
 
 def refused(*names: str) -> Callable[[Random, dict[str, Told]], None]:
-    """A menu that the router does not tell, a program that fails."""
-
     def lie(random: Random, told: dict[str, Told]) -> None:
         one = told[random.choice(names)]
         if "rows" in one:

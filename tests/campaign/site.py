@@ -52,8 +52,6 @@ FOREIGN = ("/ip/dns/static/add", "=name=printer.lan", "=address=192.0.2.51", "=c
 
 @dataclass
 class Site:
-    """The running site of one round."""
-
     folder: Path
     inventory: Path
     relay: Relay
@@ -67,18 +65,15 @@ class Site:
         return self.twins.do(host, command, **arguments)
 
     def console(self, host: str, *words: str, user: str | None = None) -> list[list[str]]:
-        """What an admin beside the device types."""
         answers: list[list[str]] = self.do(host, "console", words=list(words), user=user)
         return answers
 
     def edit(self, host: str, *words: str) -> None:
-        """What a colleague changes; it has to come off."""
         answers = self.console(host, *words, user=ADMIN.name)
         assert answers[-1][0] == "!done", (host, words, answers)
         assert all(answer[0] != "!trap" for answer in answers), (host, words, answers)
 
     def skip(self, seconds: float) -> None:
-        """Let time pass at the devices."""
         self.do(NEAR, "skip", seconds=seconds)
 
 

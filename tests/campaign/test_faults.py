@@ -67,7 +67,6 @@ def _paths() -> Iterator[Path]:
 
 
 def report(records: list[dict[str, Any]], folder: Path) -> list[str]:
-    """Every violation with what plays it again."""
     return [
         f"seed {record['seed']}: {violation}\n"
         f"    again: make campaign ARGS='tests/campaign --fault-seeds {record['seed']}:{record['seed'] + 1}'\n"
@@ -86,7 +85,6 @@ def references(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def fault_records(request: pytest.FixtureRequest, references: Path) -> Path:
-    """The file with a line for each seed."""
     named: Path | None = request.config.getoption("--fault-records")
     return named or references.with_name("campaign.jsonl")
 

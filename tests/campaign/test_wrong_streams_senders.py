@@ -82,7 +82,6 @@ def plain(answer: probes.Answer) -> Told:
 
 
 def spoken(told: Told) -> probes.Answer:
-    """The answer that a probe gets."""
     trouble = probes.Trouble(told["trouble"]) if "trouble" in told else None
     stamps = {name: told[name] for name in ("asked", "heard") if name in told}
     if "bearer" in told:
@@ -161,7 +160,6 @@ def offered(*, router: bool) -> Lie:
 
 
 def impostor(random: Random, told: dict[str, Told]) -> None:
-    """Another card offers in the router's name."""
     server, _, address, router = told["offers"]["offers"][0]
     other = (server, senders.card(random), address, router)
     told["offers"]["offers"] = [other] if random.random() < 0.5 else [told["offers"]["offers"][0], other]
@@ -179,7 +177,6 @@ def another_card(random: Random, told: dict[str, Told]) -> None:
 
 
 def seen_too(address: Callable[[Random], str], mac: Callable[[Random], str]) -> Lie:
-    """The gateway computer has another neighbour."""
     return cards_changed(
         "neighbours",
         lambda random, rows: rows.append(
@@ -301,7 +298,6 @@ def hole(random: Random, told: dict[str, Told]) -> None:
 
 
 def leak(random: Random, told: dict[str, Told]) -> None:
-    """A rule more that lets something past the satellite's allow-list."""
     rows = [dict(row) for row in told["rules"]["rows"]]
     chain = random.choice(("to-satellite", "forward", "output"))
     target = (

@@ -14,7 +14,6 @@ ROUTER, SERVER = "coastal-router", "coastal-gateway"
 
 
 def ran(state: Path, day: int, purpose: Purpose, status: str, by: str = "") -> None:
-    """A run of that day on router and gateway."""
     store = Store(state, now=lambda: datetime(2026, 11, day, tzinfo=UTC))
     started = RunStarted(
         site="coastal", revision="", tool="0", hosts=(ROUTER,), rehearsed=False, command="", purpose=purpose, by=by

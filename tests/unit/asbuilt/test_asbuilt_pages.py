@@ -95,14 +95,12 @@ def test_a_rehearsal_says_that_it_is_one_everywhere() -> None:
 @pytest.mark.usefixtures("portuguese")
 def test_what_is_kept_as_data_stays_english_in_portuguese() -> None:
     made = record()
-    page = html(made, DIGEST).decode()
-    assert '<html lang="pt-PT">' in page
+    assert '<html lang="pt-PT">' in html(made, DIGEST).decode()
     assert made.as_json()["devices"][0]["state"] == "read"
     assert labels_of(made, DIGEST, PLACE)[0].text.startswith("ATLANTIS as built")
 
 
 def text_of(data: bytes) -> str:
-    """A PDF as poppler reads it."""
     done = subprocess.run(["pdftotext", "-layout", "-", "-"], input=data, capture_output=True, check=True)
     return done.stdout.decode()
 
@@ -131,8 +129,7 @@ def codes(folder: Path, data: bytes, sheet: AsBuilt) -> list[str]:
 
 def _decoded(path: Path) -> str:
     command = ["zbarimg", "--quiet", "--raw", "--nodbus", "-Sdisable", "-Sqrcode.enable", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return done.stdout.strip()
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
 
 
 @pytest.mark.parametrize("size", [(70.0, 36.0), (99.1, 67.7)])

@@ -88,8 +88,7 @@ def test_another_version_of_a_package_is_told() -> None:
 
 def test_runs_of_the_journal_are_no_difference_of_a_device() -> None:
     ran = {"confirmed": Fact(value="run-2", origin=Origin.STORED, at=LATER)}
-    now = router(facts={**router().facts, **ran})
-    assert words(later(now), record()) == []
+    assert words(later(router(facts={**router().facts, **ran})), record()) == []
 
 
 @pytest.mark.parametrize("rehearsed", [True, False])
@@ -172,8 +171,7 @@ def test_the_newest_record_is_found_and_is_what_was_kept(tmp_path: Path) -> None
         folder = new_folder(tmp_path / "asbuilt", at)
         assert folder.name == name
         keep(folder, {FILE: data(id=name), "as-built.html": b"page"})
-    found = latest(tmp_path / "asbuilt")
-    assert found == record(id="20261126T100000Z")
+    assert latest(tmp_path / "asbuilt") == record(id="20261126T100000Z")
     assert (tmp_path / "asbuilt" / "20261126T100000Z" / FILE).stat().st_mode & 0o777 == 0o600
 
 

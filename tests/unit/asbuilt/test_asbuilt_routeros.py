@@ -50,7 +50,6 @@ class Box:
     def read(
         self, modem: str | None = None, mask: NumberMask = NumberMask.LAST4, refuses: Mapping[str, str] | None = None
     ) -> routeros.RouterOsFacts:
-        """All that is asked, answered; menus that the device `refuses` say why."""
         found = []
         for command in routeros.questions(PORTS, modem):
             why = (refuses or {}).get(command.path)

@@ -49,7 +49,6 @@ def signer(keys: Keys) -> BundleSigner:
 
 @pytest.fixture
 def folder(tmp_path: Path, signer: BundleSigner) -> Path:
-    """A good bundle."""
     made = tmp_path / "bundle"
     for path, data in {**CONTENT, "key.gpg": signer.public}.items():
         (made / path).parent.mkdir(parents=True, exist_ok=True)
@@ -88,6 +87,5 @@ def manifest(signer: BundleSigner) -> Manifest:
 
 
 def sign(folder: Path, told: Manifest, signer: BundleSigner) -> None:
-    """Put a manifest in place, and its signature."""
     (folder / "manifest.json").write_bytes(told.encoded())
     (folder / "manifest.json.asc").write_bytes(signer.beside(told.encoded()))

@@ -26,8 +26,6 @@ KEYS_OF = Keys.of
 
 
 class Place:
-    """A computer with internet, and a bundle of it."""
-
     def __init__(self, bundle: Path, state: Path, capsys: pytest.CaptureFixture[str]) -> None:
         self.bundle, self.state, self.capsys = bundle, state, capsys
         self.fresh = bundle.with_name("fresh")

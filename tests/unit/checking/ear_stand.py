@@ -23,12 +23,10 @@ ENOUGH_S = 30.0
 
 
 def listen(port: int, **how: Any) -> Listen:  # noqa: ANN401 - the fields of Listen
-    """A question over TCP to this computer."""
     return replace(Listen("it", Place.LAPTOP, "tcp", LOOPBACK, port), **how)
 
 
 def asked(*questions: Question, deadline_s: float | None = None) -> dict[str, Answer]:
-    """The answers by name, through the JSON of the wire."""
     by_name = {question.name: question for question in questions}
     made = batch(list(by_name.items()))
     told: dict[str, Any] = {}
@@ -38,7 +36,6 @@ def asked(*questions: Question, deadline_s: float | None = None) -> dict[str, An
 
 
 def heard_by(question: Listen) -> Transcript:
-    """The one transcript."""
     answer = asked(question)[question.name]
     assert isinstance(answer, Transcript)
     return answer
@@ -72,7 +69,6 @@ def served(serve: Callable[[socket.socket], object], clients: int = 1) -> Iterat
 
 
 def until_gone(client: socket.socket) -> bytes:
-    """What a client says until it hangs up."""
     said = b""
     while more := client.recv(4096):
         said += more

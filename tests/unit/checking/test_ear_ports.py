@@ -41,7 +41,6 @@ def pair() -> Iterator[tuple[int, str]]:
 
 @contextmanager
 def other(program: str, path: str) -> Iterator[int]:
-    """Another process that has the port."""
     words = [sys.executable, "-c", program, path]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None

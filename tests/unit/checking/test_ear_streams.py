@@ -16,7 +16,6 @@ HELLO = Say(b"hello\n", rb"\r\n$", ENOUGH_S)
 
 @pytest.fixture
 def free() -> Iterator[int]:
-    """A port that is bound and at which nobody listens."""
     with socket.socket() as bound:
         bound.bind((LOOPBACK, 0))
         yield bound.getsockname()[1]

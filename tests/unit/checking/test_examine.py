@@ -50,8 +50,6 @@ LOOKS = LinkStatusRequest("look", "satellite")
 
 @dataclass
 class Fake:
-    """A probe that asks what it is told to."""
-
     questions: tuple[Question, ...] = (DISCOVER,)
     findings: tuple[BearerFinding, ...] = (GOOD,)
     fault: str = ""

@@ -28,8 +28,6 @@ HEAD = BookHead(rehearsed=False, tool="1.0", inventory="ab" * 32, drawing=Drawin
 
 
 class Deaf:
-    """Looks at nothing."""
-
     def asks(self) -> tuple[Question, ...]:
         return ()
 
@@ -40,8 +38,6 @@ class Deaf:
 
 @dataclass
 class Clock:
-    """A minute later each time."""
-
     at: datetime = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 
     def __call__(self) -> datetime:
@@ -87,7 +83,6 @@ def checklist(names: Sequence[str] = EVERY, scope: Scope | None = None) -> Check
 
 
 def found(name: str, verdict: Verdict = Verdict.PASS, message: str = "as it should be") -> Item:
-    """What a probe gives back."""
     return entry(name).item.model_copy(update={"verdict": verdict, "message": message})
 
 
@@ -126,7 +121,6 @@ class Desk:
 
 
 def answer(book: Book, verdicts: Mapping[str, Verdict] | None = None) -> None:
-    """Settle everything that is open."""
     for one in book.entries_open():
         verdict = (verdicts or {}).get(one.item.id, Verdict.PASS)
         if one.item.kind is ItemKind.PERSON:

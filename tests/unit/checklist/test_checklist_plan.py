@@ -157,7 +157,6 @@ def test_ids_are_unlike_each_other(coastal: Checklist) -> None:
 
 
 def _thinned(declaration: Declaration, gone: dict[str, set[str]]) -> Declaration:
-    """Without some endpoints of some vehicles."""
     thin = {}
     for key, vehicle in declaration.vehicles.items():
         nothing = dict.fromkeys(gone.get(key, set()))

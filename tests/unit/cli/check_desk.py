@@ -32,7 +32,6 @@ NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
 
 @cache
 def pilot() -> Declaration:
-    """The shipped one, read once."""
     return load(checkout() / "inventory")
 
 
@@ -126,8 +125,6 @@ class Hung(Exception):
 
 @dataclass
 class Sitting:
-    """A book, a desk and what is said there."""
-
     folder: Path
     typed: Sequence[str]
     entries: tuple[PlanEntry, ...] = (RADIO, LAMP, PING)
@@ -176,5 +173,4 @@ class Sitting:
 
     @property
     def words_said(self) -> str:
-        """The text, wherever its lines are broken."""
         return " ".join(self.text.split())

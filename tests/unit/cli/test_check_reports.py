@@ -26,7 +26,6 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def signed(state: Path, *, heard: str = WELL, real: bool = True) -> Path:
-    """The folder of a checklist that somebody has signed."""
     folder = state / ("real" if real else "rehearsal") / "coastal"
     sitting = Sitting(folder, ["on"] if heard.startswith("FAIL") else [], (RADIO,), {"sparus/wifi": [heard]})
     with sitting.book() as book:

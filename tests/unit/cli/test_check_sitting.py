@@ -38,8 +38,6 @@ sign: true
 
 
 class NobodyThere:
-    """Of no place is anything known."""
-
     def __init__(self) -> None:
         self.asked: list[str] = []
 
@@ -55,8 +53,6 @@ class NobodyThere:
 
 
 class Twins:
-    """Stand in for a rehearsal's."""
-
     not_rehearsed = ("everything",)
     targets: Mapping[str, Any] = {}
 
@@ -147,8 +143,7 @@ def test_without_a_terminal_people_are_told_how_to_go_on(capsys: pytest.CaptureF
 @pytest.mark.usefixtures("ears")
 def test_a_file_of_answers_ends_with_a_signature(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "answers.yml").write_text(ANSWERS)
-    found = told(capsys, *ROV, "--answers", "answers.yml", code=0)
-    assert found["signed"]["by"] == "A. Technician"
+    assert told(capsys, *ROV, "--answers", "answers.yml", code=0)["signed"]["by"] == "A. Technician"
     assert main(["report", "verify", "site=coastal"]) == 0
     (report_file,) = (tmp_path / "state").rglob("report.json")
     report_file.write_bytes(report_file.read_bytes().replace(b"40 m", b"400 m"))

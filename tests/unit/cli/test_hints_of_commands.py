@@ -26,8 +26,6 @@ CHANGING = [name for name in COMMANDS if _commands.load(name, COMMANDS).command.
 
 
 class Place:
-    """Somebody who types, with a state of their own."""
-
     def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         self.folder, self.capsys, self.monkeypatch = folder, capsys, monkeypatch
         self.state = folder / "state"
@@ -53,7 +51,6 @@ def at(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.M
 
 
 def kept(at: Place, *, sign: bool) -> Path:
-    """A checklist of this computer."""
     folder = at.state / "real" / "coastal"
     desk = Sitting(folder, [], (RADIO,), {"sparus/wifi": ["PASS hears the boat"]})
     with desk.book() as book:
@@ -97,8 +94,6 @@ def a_satellite_with_canaries(at: Place) -> str:
 
 
 def stopped_at_the_end(at: Place) -> str:
-    """Ctrl-C while the end of a run is printed."""
-
     def stop(*_: object) -> ExitCode:
         raise KeyboardInterrupt
 
@@ -222,7 +217,6 @@ def test_example_values_are_rehearsed(capsys: pytest.CaptureFixture[str], monkey
 
 @contextmanager
 def _no_twins(*_: object) -> Iterator[object]:
-    """In place of the emulated devices."""
     yield object()
 
 

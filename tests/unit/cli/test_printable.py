@@ -89,8 +89,6 @@ def test_a_question_shows_what_a_card_calls_itself(monkeypatch: pytest.MonkeyPat
 
 
 class Screen(io.StringIO):
-    """A terminal that keeps what is drawn on it."""
-
     def isatty(self) -> bool:
         return True
 
@@ -119,8 +117,7 @@ def test_a_line_is_broken_between_words_and_loses_none() -> None:
         assert all(len(line) <= width and line == line.rstrip() for line in lines)
         assert all(line.startswith(" " * 21) for line in lines[1:])
     pieces = [piece for line in printable.wrapped(row, 40, 21) if isinstance(line, tuple) for piece in line]
-    styles = {piece.style for piece in pieces if isinstance(piece, Styled)}
-    assert styles == {Style.GOOD}
+    assert {piece.style for piece in pieces if isinstance(piece, Styled)} == {Style.GOOD}
 
 
 def test_a_word_that_is_longer_than_the_line_stays_whole() -> None:

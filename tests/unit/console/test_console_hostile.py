@@ -39,8 +39,6 @@ def test_a_screen_counts_what_came_since_it_was_cleared() -> None:
 
 
 class Server(paramiko.ServerInterface):
-    """Lets everybody in."""
-
     def check_auth_password(self, username: str, password: str) -> int:  # noqa: ARG002
         return AUTH_SUCCESSFUL
 

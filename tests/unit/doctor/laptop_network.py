@@ -64,7 +64,6 @@ def addresses(plugs: tuple[Plug, ...]) -> str:
 
 
 def route(target: str, port: str, gateway: str | None = None, source: str | None = None) -> dict[str, Any]:
-    """A row of a routing table."""
     row: dict[str, Any] = {"dst": target, "dev": port, "gateway": gateway, "prefsrc": source, "flags": []}
     return {name: value for name, value in row.items() if value is not None}
 

@@ -227,7 +227,6 @@ def test_example_values_are_rehearsed_next(capsys: pytest.CaptureFixture[str], m
 
 @contextmanager
 def _no_twins(*_: object) -> Iterator[object]:
-    """In place of the emulated devices."""
     yield object()
 
 

@@ -184,8 +184,7 @@ def test_no_authority(tmp_path: Path) -> None:
     assert keys.authority_item(tmp_path / "vpn").verdict == "SKIP"
     (tmp_path / "vpn").mkdir()
     (tmp_path / "vpn" / "ledger.jsonl").write_text("damaged")
-    damaged = keys.authority_item(tmp_path / "vpn")
-    assert damaged.verdict == "WARN"
+    assert keys.authority_item(tmp_path / "vpn").verdict == "WARN"
 
 
 # --- folders ------------------------------------------------------------------------------------------------------

@@ -76,7 +76,6 @@ class Box:
         }
 
     def step(self) -> None:
-        """A moment at which the process may be killed."""
         self.kill_at -= 1
         if self.kill_at == 0:
             raise Killed
@@ -245,13 +244,11 @@ def made(box: Box, by: str, **changes: Any) -> NetworkChange:  # noqa: ANN401
 
 
 def moved(by: str) -> dict[str, str]:
-    """Another address, which is wrong."""
     content = wish(by).content.replace("10.64.1.10/", "10.64.1.77/")
     return {"address": "10.64.1.77/24", "content": content}
 
 
 def settled(box: Box, by: str) -> dict[str, Any]:
-    """Bring it to what is declared."""
     change = made(box, by)
     name = change.stage()
     assert name is not None

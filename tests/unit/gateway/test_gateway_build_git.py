@@ -29,8 +29,6 @@ def server(folder: Path, token: str | None = TOKEN) -> Iterator[interop.GitServe
 
 @dataclass
 class Board:
-    """Where a gateway fetches to."""
-
     projects: interop.InteropProjects
     git: interop.GitServer
     folder: Path

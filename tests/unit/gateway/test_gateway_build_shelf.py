@@ -18,7 +18,6 @@ PLAN = build_plan.BuildPlan(
 
 
 def made(shelf: build_plan.Shelf, key: str) -> str:
-    """Put a complete build there."""
     install = Path(shelf.at(key), "library", "install")
     install.mkdir(parents=True)
     (install / "setup.sh").touch()

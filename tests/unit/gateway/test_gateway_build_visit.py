@@ -66,7 +66,6 @@ class Gateway:
         return build.visit(started), build
 
     def complete(self, told: dict[str, Any], notes: tuple[str, ...] = ()) -> None:
-        """The unit has done its work."""
         install = Path(self.shelf.at(told["key"]), "library", "install")
         install.mkdir(parents=True)
         (install / "setup.sh").touch()
@@ -74,7 +73,6 @@ class Gateway:
         self.running.discard(told["unit"])
 
     def end(self, told: dict[str, Any], outcome: dict[str, Any] | None) -> None:
-        """The unit has ended without."""
         self.running.discard(told["unit"])
         if outcome is not None:
             Path(self.places.outcome(told["key"])).write_text(json.dumps({"run": told["run"], **outcome}))

@@ -84,7 +84,6 @@ class Recorder:
 
     @property
     def held(self) -> int:
-        """Bytes in the folder now."""
         total = 0
         for path in self.bags.rglob("*"):
             try:

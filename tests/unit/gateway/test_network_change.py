@@ -283,7 +283,6 @@ def test_what_is_kept_can_be_read_by_root_only(box: Box) -> None:
 
 
 def full(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
-    """No room for one file."""
     write = NetworkComputer.write
 
     def refuse(self: NetworkComputer, name: str, *words: Any) -> None:  # noqa: ANN401

@@ -33,7 +33,6 @@ DECLARED = {
 
 
 def part(tmp_path: Path, changes: Mapping[str, str] | None = None, *, rehearsed: bool = False) -> GatewayBase:
-    """The shipped inventory whose gateway opens a network."""
     made = tmp_path / "inventory"
     shutil.copytree(ROOT / "inventory", made)
     path = made / "host_vars" / f"{GATEWAY}.yml"

@@ -138,8 +138,7 @@ def test_what_is_in_the_way_is_refused_and_nothing_changed(computer: Computer, t
     for check in (True, False):
         with pytest.raises(ModuleError, match=re.escape(said)):
             computer.converge(check=check, **{"links": [{"path": "/z/z", "target": "z"}], **told})
-    after = [path for path in sorted(computer.root.rglob("*")) if "run" not in path.parts]
-    assert after == before
+    assert [path for path in sorted(computer.root.rglob("*")) if "run" not in path.parts] == before
 
 
 def test_nothing_is_changed_when_one_file_is_not_accepted(computer: Computer) -> None:

@@ -25,7 +25,6 @@ TOPICS = [
 
 
 def base(*services: dict[str, Any], bridge: dict[str, Any] | None = None, **images: str) -> GatewayBase:
-    """Of the control centre with these services."""
     host = SHIPPED.hosts[CENTRE]
     assert isinstance(host.device, ServerComputer)
     made = None if bridge is None else Ros1Bridge.model_validate({**IMAGE, **bridge})

@@ -21,7 +21,6 @@ BULLSEYE = ROOT / ".venv-setup" / "debian" / "bullseye"
 
 
 def part(tmp_path: Path, *edits: tuple[str, str], rehearsed: bool = False) -> GatewayBase:
-    """The shipped inventory with words of its vehicles exchanged."""
     made = tmp_path / "inventory"
     shutil.copytree(ROOT / "inventory", made)
     path = made / "group_vars" / "all" / "vehicles.yml"

@@ -123,7 +123,6 @@ def test_the_far_end_starts_from_its_folder_and_reads_its_key_from_standard_inpu
 
 @pytest.fixture
 def port() -> Iterator[int]:
-    """Of the program, which runs here."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind((HERE, 0))
         number: int = free.getsockname()[1]

@@ -40,7 +40,6 @@ class Entry:
 
 
 def hints() -> set[Hint]:
-    """Every hint of the package that names a command."""
     found: set[Hint] = set()
     for path in sorted(PACKAGE.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))

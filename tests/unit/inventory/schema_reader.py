@@ -29,12 +29,10 @@ EditorLoader.yaml_implicit_resolvers = {
 
 
 def files(inventory: Path) -> list[Path]:
-    """Every file of an inventory that a schema is for."""
     return sorted(path for path in inventory.rglob("*.yml") if FOLDER not in path.parts)
 
 
 def schema_of(path: Path) -> Path | None:
-    """The schema that a file names in its first line."""
     first = path.read_text(encoding="utf-8").partition("\n")[0]
     found = _MODELINE.fullmatch(first)
     return (path.parent / found[1]).resolve() if found else None

@@ -28,7 +28,6 @@ sys.addaudithook(_note)
 
 
 def counted(act: Callable[[], object]) -> tuple[int, int]:
-    """How many journals are opened, and how many bytes are in them."""
     opened.append([])
     try:
         act()
@@ -77,8 +76,7 @@ def test_a_thousand_runs_cost_what_ten_do(store: Store, capsys: pytest.CaptureFi
     assert few["runs"][0] == 10
     for _ in range(990):
         ran(store)
-    many = costs()
-    assert many == few
+    assert costs() == few
     assert few["confirmed"][0] == 1
     begun = counted(lambda: ran(store))[0]
     assert begun <= 4  # its own journal, the one that is put aside, and the latest ones that stand for it

@@ -27,8 +27,6 @@ def relay(server: socket.socket) -> Iterator[Relay]:
 
 
 class Both:
-    """A connection through the relay, both ends of it."""
-
     def __init__(self, relay: Relay, server: socket.socket) -> None:
         self.client = socket.create_connection(("127.0.0.1", relay.port), HANG_S)
         self.machine, _ = server.accept()

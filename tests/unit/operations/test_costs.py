@@ -327,8 +327,7 @@ def ended(**more: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceResult
 
 def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Declaration, tmp_path: Path) -> None:
     costs, journal, store = Costs(declaration, request(tmp_path, accept_cost=True)), Journal(), Store(tmp_path)
-    meter = costs._meter(ROUTER)
-    meter.judge(routes(), SMALL, spends=True, planned=False)
+    costs._meter(ROUTER).judge(routes(), SMALL, spends=True, planned=False)
     told = costs.report(ended(counts=(counts(1000, 1000), counts(41_000, 31_000))), journal, store)
     cost = told["cost"]
     assert cost["bill"]["payload_bytes"] == 50_000 * 112 // 100 + 2 * 600

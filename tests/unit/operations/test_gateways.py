@@ -26,8 +26,6 @@ FILE = {"changed": True, "changes": ["file /etc/a", "unit a restarted"], "notes"
 
 
 class Listener:
-    """Whoever typed: keeps what comes over the line."""
-
     def __init__(self) -> None:
         self.reader, self.writer = os.pipe()
 
@@ -54,7 +52,6 @@ def watch(tmp_path: Path, listener: Listener) -> Watch:
 
 
 def outcome(listener: Listener) -> dict[str, Any]:
-    """The one result that was told."""
     (told,) = [one for one in listener.told() if one.get("devices")]
     result: dict[str, Any] = told["devices"][HOST]
     return {**result, "run": told["runs"]}

@@ -46,8 +46,7 @@ def _profile(link_name: str = "satellite") -> LinkProfile:
 
 def test_a_declared_link_has_its_jitter_loss_and_gaps() -> None:
     bearer = _bearer()
-    plain = link_shapes(bearer)
-    assert plain == (LinkShape(352_000, 0.35), LinkShape(704_000, 0.35))
+    assert link_shapes(bearer) == (LinkShape(352_000, 0.35), LinkShape(704_000, 0.35))
     worse = {"jitter_ms": 30.0, "loss": 0.01, "gaps": (LinkGap(length_s=70.0, per_hour=2),)}
     rate = bearer.rate.model_copy(update=worse)
     up, _ = link_shapes(bearer.model_copy(update={"rate": rate}))

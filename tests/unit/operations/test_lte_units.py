@@ -161,8 +161,7 @@ def test_without_an_admin_it_is_checked_only(deck: Deck) -> None:
 def test_the_right_pin_is_tried_once(deck: Deck) -> None:
     deck.rutos(f"pin: {RIGHT}")
     twin = deck.unit(sim=RutosSim(pin="98979695"))
-    result = deck.run()
-    assert ends(result) == ("changed", 0, 2)
+    assert ends(deck.run()) == ("changed", 0, 2)
     assert (twin.modem.attempts, twin.modem.registration) == (1, "Registered, home")
     assert ends(deck.run()) == ("unchanged", 0, 0)
     assert twin.modem.attempts == 1

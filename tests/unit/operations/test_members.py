@@ -28,7 +28,6 @@ def declaration() -> Declaration:
 
 
 def named(declaration: Declaration, *names: str, **said: object) -> dict[tuple[str, ...], tuple[str, ...]]:
-    """Names of each member to what it waits for."""
     request = Request.model_validate({"state": Path("/nowhere"), **said})
     found = members_of(declaration, names, request)
     return {tuple(host.name for host in member.hosts): member.after for member in found}

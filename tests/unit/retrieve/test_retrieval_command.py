@@ -132,8 +132,7 @@ def test_over_a_metered_link_nothing_is_sent_without_consent_nor_beyond_the_cap(
 
 def test_it_goes_over_the_link_that_the_router_says_and_is_whole_when_the_gateway_says_so(desk: Desk) -> None:
     in_use(desk, "4g")
-    printed = desk.type("files=bag-*", "--accept-cost")
-    assert "3 files: the same SHA-256 at both ends" in printed
+    assert "3 files: the same SHA-256 at both ends" in desk.type("files=bag-*", "--accept-cost")
     job = desk.job()
     assert (job["link"], job["pattern"], job["agreed_bytes"], job["silence_s"]) == ("4g", "bag-*", 200_000, 120)
     assert job["cap_bytes"] is not None

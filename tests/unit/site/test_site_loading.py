@@ -79,8 +79,7 @@ def test_files_are_named_as_a_person_here_would_type_them(inventory: Path, monke
     edit(inventory / "hosts.yml", "            scc-cpe:\n", "            scc_cpe:\n")
     assert {finding.file for finding in validate(inventory.absolute())} >= {"inventory/hosts.yml"}
     monkeypatch.chdir("/")
-    elsewhere = validate(Path(os.path.relpath(SHIPPED)))
-    assert elsewhere == []
+    assert validate(Path(os.path.relpath(SHIPPED))) == []
 
 
 def test_variables_of_a_site_in_a_folder(inventory: Path) -> None:

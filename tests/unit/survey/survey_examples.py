@@ -19,8 +19,6 @@ BEGUN = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)
 
 @dataclass
 class Told:
-    """Stands for a unit: it says what is on the air."""
-
     truth: PlaceTruth | None = None
     carries: str | None = "4g"
     reads: int = 0

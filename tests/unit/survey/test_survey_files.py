@@ -112,8 +112,7 @@ def test_a_point_without_a_value_is_said_so_and_says_why() -> None:
 
 @pytest.mark.parametrize("scale", SCALES, ids=lambda scale: scale.name)
 def test_bands_and_their_words_agree(scale: BandScale) -> None:
-    words = list(scale.words())
-    assert len(words) == len(scale.limits) + 1 <= len(SHAPES)
+    assert len(list(scale.words())) == len(scale.limits) + 1 <= len(SHAPES)
     better = 0.01 if scale.falls else -0.01
     assert [scale.band(limit + better) for limit in scale.limits] == list(range(len(scale.limits)))
     assert [scale.band(limit - better) for limit in scale.limits] == list(range(1, len(scale.limits) + 1))

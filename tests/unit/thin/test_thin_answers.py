@@ -227,7 +227,6 @@ def test_what_only_ansible_prints_as_its_own_is_not_taken_from_a_gateway() -> No
 
 
 def _texts(told: Any) -> list[str]:  # noqa: ANN401 - JSON
-    """Every text in it, keys as well."""
     if isinstance(told, dict):
         return [text for key, value in told.items() for text in (str(key), *_texts(value))]
     return [text for one in told for text in _texts(one)] if isinstance(told, list) else [str(told)]

@@ -44,7 +44,6 @@ def counter(made: Bench, menu: str, name: str, query: str) -> str:
 
 
 def counted(made: Bench) -> dict[str, tuple[str, str]]:
-    """Packets up and down by port."""
     return {
         port: (
             counter(made, "/ip/firewall/mangle", "packets", f"?out-interface={port}"),

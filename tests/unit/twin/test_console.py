@@ -78,8 +78,7 @@ PUT = [
 
 @for_each_row(("text", "printed"), PUT)
 def test_put(text: str, printed: str) -> None:
-    router = make()
-    assert router.script(text) == printed
+    assert make().script(text) == printed
 
 
 REFUSED = [

@@ -20,19 +20,16 @@ CASES = [case for case in ALL if case["door"] in DOORS]
 
 
 def through(*doors: str) -> Callable[[Test], Test]:
-    """Run a test for every case of these doors."""
     chosen = [case for case in CASES if case["door"] in doors]
     return for_each_row("case", chosen, ids=lambda case: f"{case['door']} {case['version']} {case['input'][:60]}")
 
 
 def chr_(version: str) -> Bench:
-    """Return what the records were made on: one port, no PoE."""
     port = {"ports": ("ether1",), "poe_ports": (), "management": ManagementSpec(port="ether1")}
     return make(version=version, board="CHR", architecture="x86_64", users=(User(name="provision"),), **port)
 
 
 def printed(router: Bench, case: dict[str, Any]) -> str:
-    """Return what the device says through the door of the case."""
     text: str = case["input"]
     if case["door"] == "time":
         return interval(seconds(Time().typed(text)) or 0.0)

@@ -31,12 +31,10 @@ class Bench:
         return [line(answer) for answer in self.device.run(by or self.caller, words)]
 
     def script(self, text: str) -> str:
-        """Run a script and return what it printed."""
         (reply,) = self.device.run(self.caller, ["/execute", f"=script={text}", "=as-string="])
         return reply.words[0].removeprefix("=ret=")
 
     def value(self, menu: str, name: str, *queries: str) -> str | None:
-        """Return one property of the first row that fits."""
         for answer in self.device.run(self.caller, [f"{menu}/print", *queries]):
             if answer.kind == "!re":
                 return row(answer).get(name)
@@ -72,5 +70,4 @@ USERS = (
 
 
 def make(**spec: Any) -> Bench:  # noqa: ANN401 - whatever a spec takes
-    """Return a router with the users above and a session of the first."""
     return Bench(RouterSpec(**{"name": "router", "users": USERS, **spec}))

@@ -10,8 +10,6 @@ from atlantis_netcfg.emulator.routeros.spec import CellSpec, ModemSpec, RouterSp
 
 
 class Box:
-    """One LTE box; `say` sends words of the API as an admin."""
-
     def __init__(self, *, pin: str = "", version: str = "7.18.2", sim: bool = True, **cell: Any) -> None:  # noqa: ANN401
         card = SimSpec(pin=pin) if sim else None
         modem = ModemSpec(sim=card, cell=CellSpec(**cell))
