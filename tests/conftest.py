@@ -23,6 +23,8 @@ from hypothesis import is_hypothesis_test, settings
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Mapping
 
+    from atlantis_netcfg.declaration import Declaration
+
 MARKERS = (
     "arm64: the processor of the gateways, emulated; `make test-arm64` runs it, once per release",
     "coroutine(run=): a test that is a coroutine, and what runs it in place of asyncio.run",
@@ -273,6 +275,23 @@ def state_of_tests(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def own_state(state_of_tests: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing that a test runs keeps state in the home of whoever runs the tests."""
     monkeypatch.setenv("ATLANTIS_STATE", str(state_of_tests))
+
+
+@pytest.fixture(scope="session")
+def declaration() -> Declaration:
+    """Return the shipped inventory."""
+    from atlantis_netcfg.declaration import load  # noqa: PLC0415 - a run of other tests does without
+
+    return load(Path(__file__).parents[1] / "inventory")
+
+
+@pytest.fixture
+def portuguese() -> Generator[None, None, None]:
+    from atlantis_netcfg.core import language  # noqa: PLC0415 - as above
+
+    language.use(language.Language.PORTUGUESE)
+    yield
+    language.use(language.Language.ENGLISH)
 
 
 @pytest.fixture(autouse=True)

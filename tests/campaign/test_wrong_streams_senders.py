@@ -3,14 +3,13 @@
 A few seeds of every lie in CI, more with `make campaign ARGS='tests/campaign/test_wrong_streams_senders.py'`.
 """
 
-from __future__ import annotations
-
 import copy
 import re
 from collections import Counter
+from collections.abc import Callable, Mapping
 from functools import cache
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from own_world import NETPLAN, World, own_steps
@@ -26,6 +25,8 @@ from atlantis_netcfg.declaration.model import EthernetEndpoint, WifiEndpoint
 from campaign import senders
 from campaign.senders import (
     STRANGERS,
+    Frame,
+    Told,
     cards_changed,
     garbled,
     held,
@@ -39,13 +40,7 @@ from campaign.senders import (
     without_row,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from campaign.senders import Frame, Told
-
-    Lie = Callable[[Random, dict[str, Told]], None]
-
+Lie = Callable[[Random, dict[str, Told]], None]
 GREEN = frozenset({Verdict.PASS, Verdict.WARN, Verdict.SKIP})
 LEAST = 100
 """Wrong streams of a probe, in the campaign."""

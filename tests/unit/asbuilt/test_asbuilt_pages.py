@@ -2,7 +2,6 @@
 
 import re
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,9 +11,8 @@ from PIL import Image
 from atlantis_netcfg.asbuilt.pages import html, rows
 from atlantis_netcfg.asbuilt.paper import labels_of, labels_pdf, pdf
 from atlantis_netcfg.asbuilt.record import Fact, Origin, compared
-from atlantis_netcfg.core import language, printable
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.language import Language
 from atlantis_netcfg.declaration.model import AsBuilt
 
 DIGEST = "0123456789abcdef" * 4
@@ -22,13 +20,6 @@ PLACE = "real/coastal/asbuilt/20261125T100000Z"
 HOSTILE = "EXAMPLE\x1b[2J<script>alert(1)</script>\u202e"
 DPI = 300
 SECRETS = re.compile(r"\d{15}|SHA256:|PRIVATE|password|psk", re.IGNORECASE)
-
-
-@pytest.fixture
-def portuguese() -> Iterator[None]:
-    language.use(Language.PORTUGUESE)
-    yield
-    language.use(Language.ENGLISH)
 
 
 def screen(*devices: object, **more: object) -> list[str]:

@@ -9,17 +9,10 @@ import pytest
 
 from atlantis_netcfg.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, wish_of
 from atlantis_netcfg.operations.computers.parts import PARTS, Part
 from atlantis_netcfg.operations.request import Request
-
-ROOT = Path(__file__).resolve().parents[3]
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 def part(told: Mapping[str, Any]) -> Part:

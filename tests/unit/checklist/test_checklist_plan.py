@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist import Answers, Checklist, Scope, plan
 from atlantis_netcfg.checklist.probes import registry
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Column, Endpoints
 
 ROOT = Path(__file__).parents[3]
@@ -41,11 +41,6 @@ def _written(path: Path) -> Cells:
         name, *cells = (cell.strip() for cell in row.strip("|").split("|"))
         table[name] = {title: cell == "x" for title, cell in zip(titles, cells, strict=True)}
     return table
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 @pytest.fixture(scope="module")

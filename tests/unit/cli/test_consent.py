@@ -34,13 +34,6 @@ def spoken(request: pytest.FixtureRequest) -> Iterator[Language]:
     language.use(Language.ENGLISH)
 
 
-@pytest.fixture
-def portuguese() -> Iterator[None]:
-    language.use(Language.PORTUGUESE)
-    yield
-    language.use(Language.ENGLISH)
-
-
 @pytest.mark.parametrize("word", ["yes", "YES", " Yes ", "y", "Y"])
 def test_yes_is_yes_in_every_language(word: str, spoken: Language) -> None:
     assert shown_word("yes") == {Language.ENGLISH: "yes", Language.PORTUGUESE: "sim"}[spoken]

@@ -3,7 +3,6 @@
 import importlib.util
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from string import Formatter
 from types import ModuleType
@@ -116,14 +115,7 @@ def test_no_translation_has_a_brazilian_form() -> None:
     assert found == []
 
 
-@pytest.fixture
-def _portuguese() -> Iterator[None]:
-    language.use(Language.PORTUGUESE)
-    yield
-    language.use(Language.ENGLISH)
-
-
-@pytest.mark.usefixtures("_portuguese")
+@pytest.mark.usefixtures("portuguese")
 @pytest.mark.parametrize("name", ["", *COMMANDS])
 def test_help_is_no_wider_than_in_english(name: str) -> None:
     def page() -> list[str]:

@@ -1,19 +1,12 @@
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.operations.schedule import bridges
 
-ROOT = Path(__file__).parents[3]
 BOTH = ["coastal-cpe", "scc-cpe"]
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 def ptp(declaration: Declaration) -> str:

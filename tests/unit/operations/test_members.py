@@ -8,7 +8,7 @@ import pytest
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Cpe, SignalBounds
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -18,13 +18,7 @@ from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, 
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Signal
 
-ROOT = Path(__file__).parents[3]
 BOTH = ("coastal-cpe", "scc-cpe")
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 def named(declaration: Declaration, *names: str, **said: object) -> dict[tuple[str, ...], tuple[str, ...]]:

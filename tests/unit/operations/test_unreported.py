@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, LayerSent, Outcome, RunResumed, RunStarted, Store
 from atlantis_netcfg.journal.records import Record
 from atlantis_netcfg.operations import Mode, Request
@@ -22,11 +22,6 @@ RESUMED = RunResumed(revision="", tool="", command="provision resume")
 
 def ended(status: str, code: int, *, still_open: bool = False) -> Outcome:
     return Outcome(device=NAME, status=status, exit=code, message=f"it is {status}", open=still_open)
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(Path(__file__).parents[3] / "inventory")
 
 
 def said(declaration: Declaration, state: Path, *records: Record, mode: Mode = Mode.APPLY) -> dict[str, Any]:

@@ -4,7 +4,6 @@ import json
 import re
 import subprocess
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from datetime import timedelta
 from html.parser import HTMLParser
 from pathlib import Path
@@ -14,9 +13,8 @@ from example_runs import BEGUN, idle_text, measured_run, put_run, samples_text
 from hints_said import advised
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.core import language, printable
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.language import Language
 from atlantis_netcfg.qualify.compare import FigureTrend, compared
 from atlantis_netcfg.qualify.grids import SHAPE_UNKNOWN
 from atlantis_netcfg.qualify.measured_run import MeasuredRun
@@ -30,13 +28,6 @@ from atlantis_netcfg.qualify_pages.several import comparison_rows
 
 SVG = "{http://www.w3.org/2000/svg}"
 HOSTILE = "EXAMPLE\x1b[2J<script>alert(1)</script>\u202e"
-
-
-@pytest.fixture
-def portuguese() -> Iterator[None]:
-    language.use(Language.PORTUGUESE)
-    yield
-    language.use(Language.ENGLISH)
 
 
 def drawn(text: str, run: MeasuredRun | None = None) -> tuple[QualifyRecord, list[Plot]]:

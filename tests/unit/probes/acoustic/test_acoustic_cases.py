@@ -11,7 +11,6 @@ from row_subtests import for_each_row
 from atlantis_netcfg.checklist.probes import Cell, Listen, Probe, Step, Transcript, acoustic, registry, usbl
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.loading import load
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningSeatrac, SeatracSpec
 
 HERE = Path(__file__).parent
@@ -24,11 +23,6 @@ WELL = {
     "zarco": SeatracSpec(fix_every_s=0.5, in_water=True),
     "mares": SeatracSpec(fix_every_s=0.5, in_water=True, beacon=2, hears=(1,), reaches=(1,)),
 }
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(HERE.parents[3] / "inventory")
 
 
 def the_step(declaration: Declaration, item: str) -> Step:

@@ -16,7 +16,7 @@ from atlantis_netcfg.checklist.probes import Cell, Judged, Listen, Place, Step, 
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved, steps
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Endpoints
 
 LISTED: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("rc_cases.yml").read_text(encoding="utf-8"))
@@ -132,14 +132,6 @@ def test_no_datagram_makes_the_reader_fail(datagrams: list[bytes]) -> None:
 
 
 # Which items the column makes of a declaration.
-
-
-ROOT = Path(__file__).parents[4]
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 def of(declaration: Declaration, vehicle: str, endpoints: dict[str, object] | None = None) -> tuple[Step, ...]:
