@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
+import inspect
 import ipaddress
 import os
 import re
@@ -23,8 +25,11 @@ from hypothesis import is_hypothesis_test, settings
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Mapping
 
+    from atlantis_netcfg.declaration import Declaration
+
 MARKERS = (
     "arm64: the processor of the gateways, emulated; `make test-arm64` runs it, once per release",
+    "coroutine(run=): a test that is a coroutine, and what runs it in place of asyncio.run",
     "campaign: long tests that `make campaign` runs",
     "slow: takes more than a few seconds; `make test-full` runs it, and CI in one of its shards",
     "smoke(*cases): a slow test, or these of its cases, that `make test` runs too: one of each command and counterpart",
@@ -154,6 +159,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=lambda test: (-cost(_file(test), *(tiers or ())), _file(test)))
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine."""
+    test = pyfuncitem.obj
+    if not inspect.iscoroutinefunction(test):
+        return None
+    mark = pyfuncitem.get_closest_marker("coroutine")
+    run = mark.kwargs["run"] if mark else asyncio.run
+    run(test(**{name: pyfuncitem.funcargs[name] for name in inspect.signature(test).parameters}))
+    return True
+
+
 def _file(test: pytest.Item) -> str:
     return test.nodeid.partition("::")[0]
 
@@ -268,6 +285,23 @@ def weak_seals() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pyrage.passphrase, "encrypt", weak_age.encrypt)
         yield
+
+
+@pytest.fixture(scope="session")
+def declaration() -> Declaration:
+    """Return the shipped inventory."""
+    from atlantis_netcfg.declaration import load  # noqa: PLC0415 - a run of other tests does without
+
+    return load(Path(__file__).parents[1] / "inventory")
+
+
+@pytest.fixture
+def portuguese() -> Generator[None, None, None]:
+    from atlantis_netcfg.core import language  # noqa: PLC0415 - as above
+
+    language.use(language.Language.PORTUGUESE)
+    yield
+    language.use(language.Language.ENGLISH)
 
 
 @pytest.fixture(autouse=True)

@@ -3,8 +3,6 @@
 `python -P -m campaign --folder DIR --references DIR SEED...`; `tests/campaign/test_faults.py` starts it.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,14 +1,9 @@
 """What a run tells a person to do next, as a person would read it."""
 
-from __future__ import annotations
-
 import re
 import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _COMMAND = re.compile(r"`(?:\./)?provision ([^`]+)`|(?:then|died|type|run|again):\s+(?:\./)?provision ([^\n]+)")
 _INFORMS = ("runs", "--help", "help", "links", "validate", "report")
@@ -24,8 +19,6 @@ TABLE: Mapping[int, tuple[str, ...] | None] = {3: None, 4: None, 5: ("resume", "
 
 @dataclass(frozen=True)
 class Advice:
-    """The next step."""
-
     typed: tuple[str, ...] | None
     """Words behind `provision`; None: the same command again."""
     waits: bool

@@ -1,7 +1,5 @@
 """One `provision` as a person starts it: its processes, its output, and what is left of it."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -11,14 +9,12 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 from campaign.site import ADDRESSES
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
 
 _MARK = "ATLANTIS_CAMPAIGN"
 SILENCE_S = 30.0
@@ -34,8 +30,6 @@ _EXEMPT = (signal.SIGKILL, signal.SIGSTOP)
 
 @dataclass
 class Ended:
-    """How a command has ended."""
-
     typed: tuple[str, ...]
     code: int | None
     """None: it had to be killed by us."""
@@ -98,8 +92,6 @@ class Ended:
 
 @dataclass
 class Command:
-    """A command that runs, as a process group of its own."""
-
     typed: tuple[str, ...]
     environment: Mapping[str, str]
     folder: Path
@@ -175,7 +167,6 @@ class Command:
         return family(self.process.pid)
 
     def signal(self, number: signal.Signals, pids: Sequence[int]) -> None:
-        """Strike these processes."""
         self.struck |= number in _EXEMPT and self.process.pid in pids
         for pid in pids:
             with contextlib.suppress(ProcessLookupError):
@@ -215,7 +206,6 @@ class Command:
 
 
 def living(mark: str, seconds: float) -> list[int]:
-    """Who of a command still lives after so long."""
     until = time.monotonic() + seconds
     while (left := marked(mark)) and time.monotonic() < until:
         time.sleep(_POLL_S)
@@ -247,7 +237,6 @@ def family(pid: int) -> list[int]:
 
 
 def marked(mark: str) -> list[int]:
-    """Processes whose environment has the mark."""
     found = []
     for each in Path("/proc").glob("[0-9]*/environ"):
         with contextlib.suppress(OSError):

@@ -1,24 +1,18 @@
 """What happens to a run, and when: drawn from a seed, so that a round can be played again."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil
 import signal
 import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
-from campaign.site import ADDRESSES, ADMIN, FAR, NEAR, STATES, VERSIONS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from campaign.command import Command
-    from campaign.relay import Way
-    from campaign.site import Site
+from campaign.command import Command
+from campaign.relay import Way
+from campaign.site import ADDRESSES, ADMIN, FAR, NEAR, STATES, VERSIONS, Site
 
 HOSTS = tuple(ADDRESSES)
 SIGNALS = ("KILL", "TERM", "HUP", "INT")
@@ -41,8 +35,6 @@ class Moment:
 
 @dataclass(frozen=True)
 class Fault:
-    """What: a name of FAULTS, with what it strikes and for how long."""
-
     name: str
     moment: Moment
     target: str = ""
@@ -55,8 +47,6 @@ class Fault:
 
 @dataclass(frozen=True)
 class Round:
-    """One seed's round."""
-
     seed: int
     state: str
     version: str
@@ -154,7 +144,6 @@ class Struck:
         return [way.host for way in self.ways]
 
     def pids(self) -> list[int]:
-        """The processes that the fault means."""
         everybody = self.command.processes()
         who = self.fault.target.partition(" ")[0]
         others = everybody[1:] or everybody

@@ -1,22 +1,16 @@
 """What devices are, read from outside by a client of others, and what follows for the words of a run."""
 
-from __future__ import annotations
-
 import json
 import re
 import ssl
 import subprocess
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from pathlib import Path
+from typing import Any, Self
 
-from campaign.site import ADDRESSES, ADMIN, CHECKOUT, STRANGER
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from campaign.site import Site
+from campaign.site import ADDRESSES, ADMIN, CHECKOUT, STRANGER, Site
 
 Rows = list[dict[str, Any]]
 
@@ -37,8 +31,6 @@ _MOVES = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A device as the stranger has read it."""
-
     host: str
     menus: Mapping[str, Rows | None]
     error: str = ""
@@ -70,7 +62,7 @@ class Picture:
         rows = [row for row in self.menus[menu] or () if not _dynamic(row) and row.get("comment") != "foreign"]
         return [_line(row) for row in rows if _MARKER not in json.dumps(row)]
 
-    def differs(self, other: Picture) -> list[str]:
+    def differs(self, other: "Picture") -> list[str]:
         """Lines that one has and the other has not, and the menus whose order counts and is another one."""
         found = []
         for menu in sorted({*self.configured, *other.configured}):
@@ -115,7 +107,6 @@ class Stranger:
         self._process.communicate()
 
     def read(self, site: Site, menus: Mapping[str, Sequence[str]], timeout_s: float = 10.0) -> dict[str, Picture]:
-        """All devices; one that cannot be reached has the reason instead."""
         return {host: self._read(site, host, menus[host], timeout_s) for host in ADDRESSES}
 
     def _read(self, site: Site, host: str, menus: Sequence[str], timeout_s: float) -> Picture:

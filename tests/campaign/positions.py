@@ -5,20 +5,16 @@ standards' words. A stream is drawn from a seed; a lie takes a true stream and g
 stream has nothing that the lie would change.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import struct
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import reduce
 from operator import xor
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from random import Random
+from random import Random
+from typing import Any
 
 DAY_S = 86_400
 DEGREE_M = 111_195.0
@@ -27,8 +23,6 @@ LISTENED_S = 15.0
 
 @dataclass(frozen=True)
 class Stream:
-    """What was heard, in a form of our own."""
-
     chunks: tuple[tuple[float, bytes], ...]
     began: float
     ended_s: float
@@ -42,8 +36,6 @@ class Stream:
 
 @dataclass(frozen=True)
 class Epoch:
-    """One moment of a receiver."""
-
     at_s: float
     """When it comes."""
     time: float | None
@@ -60,15 +52,13 @@ class Epoch:
 
 @dataclass(frozen=True)
 class Ride:
-    """A receiver for some seconds."""
-
     style: str
     epochs: tuple[Epoch, ...]
     began: float
     place: tuple[float, float]
     radius_m: float
     ended_s: float | None = None
-    other: Ride | None = None
+    other: "Ride | None" = None
     """A second receiver at the same end."""
     flies: bool = False
     cut: int | None = None
@@ -106,7 +96,6 @@ def ride(rng: Random, style: str) -> Ride:
 
 
 def checked(body: str) -> bytes:
-    """A sentence of NMEA 0183."""
     return f"${body}*{reduce(xor, body.encode(), 0):02X}\r\n".encode()
 
 
@@ -239,7 +228,6 @@ GPSD_TELLS = frozenset({"date", "speed", "count", "nature", "dimensions", "time"
 
 
 def stream(ridden: Ride) -> Stream:
-    """The ride as it is heard."""
     said: Callable[[Epoch], bytes]
     if ridden.style in VERSIONS:
         path = "/dev/ttyACM0"
@@ -498,8 +486,6 @@ class Sound:
 
 @dataclass(frozen=True)
 class Modem:
-    """A modem that is asked, and listened to for some seconds."""
-
     language: str
     """`evologics` or `seatrac`."""
     own: int
@@ -651,7 +637,6 @@ def _beacon_fix(one: Modem, fix: Sound) -> bytes:
 
 
 def spoken(one: Modem) -> Stream:
-    """The modem as it is heard."""
     answers = _at_answers(one) if one.language == "evologics" else _beacon_answers(one)
     told = _at_fix if one.language == "evologics" else _beacon_fix
     chunks = [(0.1, one.extra + answers), *((fix.at_s, told(one, fix)) for fix in one.fixes)]
@@ -745,7 +730,6 @@ FIXES: Mapping[str, tuple[frozenset[str], Callable[[Random, Modem], Modem]]] = {
 
 
 def _stretched(fixes: Sequence[Sound]) -> list[Sound]:
-    """The clock goes on by six seconds from one to the next."""
     first = fixes[0].clock_s
     return [replace(fix, clock_s=first + 6 * n, measured_s=first + 6 * n - 0.3) for n, fix in enumerate(fixes)]
 

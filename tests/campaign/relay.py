@@ -1,18 +1,14 @@
 """Stands at the declared addresses and carries every byte to the twins, as badly as it is told to."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 import struct
 import threading
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine, Mapping, Sequence
-
-    Visitor = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[object, object, None]]
+Visitor = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[object, object, None]]
 
 HOST = "127.0.0.1"
 _RESET = struct.pack("ii", 1, 0)
@@ -21,8 +17,6 @@ _RESET = struct.pack("ii", 1, 0)
 
 @dataclass
 class Way:
-    """The way to one device."""
-
     host: str
     address: str
     ports: dict[int, int] = field(default_factory=dict)
@@ -67,7 +61,6 @@ class Relay:
 
     @property
     def trips(self) -> int:
-        """Requests over all ways."""
         return sum(way.trips for way in self.ways.values())
 
     def lead(self, ports: Mapping[str, dict[int, int]]) -> None:
@@ -77,7 +70,6 @@ class Relay:
         self.heal()
 
     def heal(self) -> None:
-        """Everything passes again."""
         self.soon(self._heal)
 
     def soon(self, act: Callable[[], object]) -> None:
@@ -151,7 +143,7 @@ class Relay:
         finally:
             forth.transport.abort() if writer.transport.is_closing() and way.mute else forth.close()
 
-    async def _up(self, way: Way, source: asyncio.StreamReader, sink: asyncio.StreamWriter, turn: _Turn) -> None:
+    async def _up(self, way: Way, source: asyncio.StreamReader, sink: asyncio.StreamWriter, turn: "_Turn") -> None:
         while data := await source.read(65536):
             if not turn.client:
                 turn.client = True
@@ -160,7 +152,7 @@ class Relay:
             await self._pass(way, data, sink)
         sink.write_eof()
 
-    async def _down(self, way: Way, source: asyncio.StreamReader, sink: asyncio.StreamWriter, turn: _Turn) -> None:
+    async def _down(self, way: Way, source: asyncio.StreamReader, sink: asyncio.StreamWriter, turn: "_Turn") -> None:
         while data := await source.read(65536):
             turn.client = False
             await way.holds.wait()

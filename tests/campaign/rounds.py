@@ -1,7 +1,5 @@
 """One round: a command meets its fault, a person follows the advice, and strangers see what came of it."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import json
@@ -11,10 +9,11 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import TwinRefused
@@ -22,12 +21,7 @@ from campaign import advice
 from campaign.command import ORPHAN_S, PYTHON, SILENCE_S, Command, Ended, end, living
 from campaign.faults import FAULTS, Fault, Round, Struck, draw
 from campaign.judge import Picture, Stranger, menus_of
-from campaign.site import ADDRESSES, Site, disturb
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from campaign.site import Stage
+from campaign.site import ADDRESSES, Site, Stage, disturb
 
 SITE = "coastal"
 STEPS = 6
@@ -54,8 +48,6 @@ Pictures = dict[str, Picture]
 
 @dataclass
 class Reference:
-    """Devices that an undisturbed run has configured."""
-
     flash: Path
     menus: Mapping[str, list[str]]
     declared: Pictures
@@ -63,8 +55,6 @@ class Reference:
 
 @dataclass
 class Table:
-    """What a round has seen so far."""
-
     site: Site
     plan: Round
     store: Path
@@ -85,7 +75,6 @@ class Table:
 
     @property
     def typed(self) -> tuple[str, ...]:
-        """The command of the round."""
         flags = ("--json",) if self.plan.json else ()
         words = {
             "apply": (f"site={SITE}", "--yes", "--accept-cost"),
@@ -97,15 +86,12 @@ class Table:
 
 
 class Player:
-    """Plays rounds one after another."""
-
     def __init__(self, stage: Stage, stranger: Stranger, references: Path) -> None:
         self._stage = stage
         self._stranger = stranger
         self._references = references
 
     def play(self, seed: int) -> dict[str, Any]:
-        """One round; its record."""
         plan = draw(seed)
         begun = time.monotonic()
         reference = self.reference(plan.version)
@@ -183,7 +169,6 @@ class Player:
         return (f"to={run}",)
 
     def _run(self, site: Site, store: Path, typed: tuple[str, ...]) -> Ended:
-        """A command that nobody disturbs."""
         command = self._command(site, store, typed)
         command.start(PYTHON)
         while command.alive:
@@ -364,8 +349,7 @@ class Player:
         elif ended.code == 0 and typed[0].startswith(("site=", "drift")):
             self._judge_green(table, ended, words)
         elif ended.code == 4 and changes:
-            pictures = self._stranger.read(table.site, table.menus)
-            for host, picture in pictures.items():
+            for host, picture in self._stranger.read(table.site, table.menus).items():
                 if (
                     not picture.error
                     and not _is(picture, table.before, table)
@@ -392,8 +376,7 @@ class Player:
         return pictures
 
     def _judge_green(self, table: Table, ended: Ended, words: str) -> None:
-        pictures = self._look(table)
-        for host, picture in pictures.items():
+        for host, picture in self._look(table).items():
             asked = (
                 not words.startswith("resume")
                 and not _left_out(host, words)
@@ -468,7 +451,6 @@ class Trap:
         return time.monotonic() - self._written[1]
 
     def look(self) -> None:
-        """Look into the journals."""
         size = sum(len(text) for text in self._journals())
         if size != self._written[0]:
             self._written = size, time.monotonic()
@@ -488,7 +470,6 @@ class Trap:
                 yield path.read_text(encoding="utf-8", errors="replace")
 
     def spring(self) -> None:
-        """Strike, once."""
         with self._turn:
             if self.sprung or self.fault is None or self.struck is None:
                 return

@@ -5,19 +5,15 @@ Knows the words of programs, of RouterOS, of MAVLink and of RTPS, and nothing of
 participants, `chunks` and `senders` of a stream.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re
 import struct
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from random import Random
+from typing import Any
 
 from pymavlink.dialects.v20 import common
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from random import Random
 
 Told = dict[str, Any]
 """One answer."""
@@ -42,8 +38,6 @@ def not_given(*names: str) -> Callable[[Random, dict[str, Told]], None]:
 
 
 def refused(*names: str) -> Callable[[Random, dict[str, Told]], None]:
-    """A menu that the router does not tell, a program that fails."""
-
     def lie(random: Random, told: dict[str, Told]) -> None:
         one = told[random.choice(names)]
         if "rows" in one:

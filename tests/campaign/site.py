@@ -3,16 +3,16 @@
 A real run meets them at their declared addresses, which in this process's own network lead through a relay to twins.
 """
 
-from __future__ import annotations
-
 import json
+import random
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from quay import _inventory, _opened
 
@@ -21,10 +21,6 @@ from atlantis_netcfg.emulator.routeros import Air, SiteSpec, SpawnedSite, User
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
 from campaign.relay import Relay
-
-if TYPE_CHECKING:
-    import random
-    from collections.abc import Iterator, Mapping
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 NEAR, FAR = "coastal-cpe", "scc-cpe"
@@ -56,8 +52,6 @@ FOREIGN = ("/ip/dns/static/add", "=name=printer.lan", "=address=192.0.2.51", "=c
 
 @dataclass
 class Site:
-    """The running site of one round."""
-
     folder: Path
     inventory: Path
     relay: Relay
@@ -71,18 +65,15 @@ class Site:
         return self.twins.do(host, command, **arguments)
 
     def console(self, host: str, *words: str, user: str | None = None) -> list[list[str]]:
-        """What an admin beside the device types."""
         answers: list[list[str]] = self.do(host, "console", words=list(words), user=user)
         return answers
 
     def edit(self, host: str, *words: str) -> None:
-        """What a colleague changes; it has to come off."""
         answers = self.console(host, *words, user=ADMIN.name)
         assert answers[-1][0] == "!done", (host, words, answers)
         assert all(answer[0] != "!trap" for answer in answers), (host, words, answers)
 
     def skip(self, seconds: float) -> None:
-        """Let time pass at the devices."""
         self.do(NEAR, "skip", seconds=seconds)
 
 

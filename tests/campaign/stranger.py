@@ -4,8 +4,6 @@ Runs in `.venv-strangers`. A job is `{"host", "port", "user", "password", "ca", 
 not have is null in the answer, a device that does not answer is `{"error": ...}`.
 """
 
-from __future__ import annotations
-
 import json
 import ssl
 import sys

@@ -4,19 +4,15 @@
 `campaign.jsonl` in the folder that `--fault-records` names (otherwise in pytest's own), a line a round.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 SAMPLE: tuple[tuple[int, ...], ...] = ((8, 6), (1, 7), (91, 92))
@@ -71,7 +67,6 @@ def _paths() -> Iterator[Path]:
 
 
 def report(records: list[dict[str, Any]], folder: Path) -> list[str]:
-    """Every violation with what plays it again."""
     return [
         f"seed {record['seed']}: {violation}\n"
         f"    again: make campaign ARGS='tests/campaign --fault-seeds {record['seed']}:{record['seed'] + 1}'\n"
@@ -90,7 +85,6 @@ def references(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def fault_records(request: pytest.FixtureRequest, references: Path) -> Path:
-    """The file with a line for each seed."""
     named: Path | None = request.config.getoption("--fault-records")
     return named or references.with_name("campaign.jsonl")
 

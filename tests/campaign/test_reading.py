@@ -1,10 +1,9 @@
 """The campaign's own eyes: what it takes for advice, for a leftover, for a difference, and what a seed stands for."""
 
-from __future__ import annotations
-
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,9 +13,6 @@ from campaign import advice
 from campaign.command import Command, end, living
 from campaign.faults import FAULTS, draw
 from campaign.judge import Picture
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 FILTER = "ip/firewall/filter"
 
@@ -104,8 +100,7 @@ def test_a_seed_stands_for_one_round() -> None:
         "json": False,
         "faults": ["gap coastal-4g for 2 s at record 2 of outcome"],
     }
-    drawn = {fault.name for seed in range(300) for fault in draw(seed).faults}
-    assert drawn == set(FAULTS)
+    assert {fault.name for seed in range(300) for fault in draw(seed).faults} == set(FAULTS)
 
 
 def test_a_process_that_outlives_its_command_is_told_and_ended(tmp_path: Path) -> None:
@@ -133,6 +128,5 @@ def test_a_word_that_is_no_news_ends_the_silence_and_not_the_waiting(tmp_path: P
     (tmp_path / "atlantis_netcfg.py").write_text(f"print({told!r})\n", encoding="utf-8")
     command = Command((), {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}, tmp_path)
     command.start(sys.executable)
-    ended = command.finish()
-    assert ended.out == f"{told}\n"
+    assert command.finish().out == f"{told}\n"
     assert command.idle_s > command.quiet_s

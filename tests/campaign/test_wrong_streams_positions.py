@@ -5,33 +5,36 @@ A few seeds of every lie in CI, many with `make campaign`; a seed that is told i
 recorded are taken as well where they lie in `../shared/data/gpsd` (`test/daemon/*.log` of its source).
 """
 
-from __future__ import annotations
-
 import math
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from random import Random
-from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Rows, Transcript, Trouble, acoustic, usbl
+from atlantis_netcfg.checklist.probes import (
+    Cell,
+    Judged,
+    Listen,
+    Place,
+    Probe,
+    Rows,
+    Transcript,
+    Trouble,
+    acoustic,
+    usbl,
+)
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation, RouterosGps, StreamGps
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 from campaign import positions
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from atlantis_netcfg.checklist.probes import Judged, Probe
-    from atlantis_netcfg.declaration import Declaration
-    from campaign.positions import Ride, Stream
+from campaign.positions import Ride, Stream
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 RECORDED = CHECKOUT.parent / "shared" / "data" / "gpsd"

@@ -3,30 +3,18 @@
 A few seeds of every lie in CI, more with `make campaign ARGS='tests/campaign/test_wrong_streams_senders.py'`.
 """
 
-from __future__ import annotations
-
 import copy
 import re
 from collections import Counter
+from collections.abc import Callable, Mapping
 from functools import cache
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from own_world import NETPLAN, World, own_steps
 
-from atlantis_netcfg.checklist.probes import (
-    Answer,
-    CommandResult,
-    DdsDiscoverResult,
-    DhcpOffer,
-    DhcpOffers,
-    LinkStatusResult,
-    Place,
-    Rows,
-    Transcript,
-    Trouble,
-)
+from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, _registered
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved
@@ -37,6 +25,8 @@ from atlantis_netcfg.declaration.model import EthernetEndpoint, WifiEndpoint
 from campaign import senders
 from campaign.senders import (
     STRANGERS,
+    Frame,
+    Told,
     cards_changed,
     garbled,
     held,
@@ -50,14 +40,7 @@ from campaign.senders import (
     without_row,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from atlantis_netcfg.checklist.probes import Judged, Probe
-    from campaign.senders import Frame, Told
-
-    Lie = Callable[[Random, dict[str, Told]], None]
-
+Lie = Callable[[Random, dict[str, Told]], None]
 GREEN = frozenset({Verdict.PASS, Verdict.WARN, Verdict.SKIP})
 LEAST = 100
 """Wrong streams of a probe, in the campaign."""
@@ -70,10 +53,10 @@ TRUE = 60
 # Plain data and answers.
 
 
-def plain(answer: Answer) -> Told:
+def plain(answer: probes.Answer) -> Told:
     """What senders.py knows of an answer."""
     match answer:
-        case CommandResult():
+        case probes.CommandResult():
             return {
                 "out": answer.out,
                 "rc": answer.rc,
@@ -81,36 +64,39 @@ def plain(answer: Answer) -> Told:
                 "asked": answer.asked,
                 "heard": answer.heard,
             }
-        case Rows():
+        case probes.Rows():
             return {"rows": answer.rows, "asked": answer.asked, "heard": answer.heard}
-        case LinkStatusResult():
+        case probes.LinkStatusResult():
             return {"bearer": copy.deepcopy(dict(answer.bearer or {}))}
-        case DhcpOffers():
+        case probes.DhcpOffers():
             return {"offers": [(one.server, one.mac, one.address, one.router) for one in answer.offers]}
-        case DdsDiscoverResult():
+        case probes.DdsDiscoverResult():
             return {"prefix": answer.prefix, "datagrams": answer.datagrams}
         case _:
             raise TypeError(answer)
 
 
-def spoken(told: Told) -> Answer:
-    """The answer that a probe gets."""
-    trouble = Trouble(told["trouble"]) if "trouble" in told else None
+def spoken(told: Told) -> probes.Answer:
+    trouble = probes.Trouble(told["trouble"]) if "trouble" in told else None
     stamps = {name: told[name] for name in ("asked", "heard") if name in told}
     if "bearer" in told:
-        return LinkStatusResult(trouble, "", None if trouble else told["bearer"])
+        return probes.LinkStatusResult(trouble, "", None if trouble else told["bearer"])
     if "offers" in told:
-        return DhcpOffers(trouble, "", () if trouble else tuple(DhcpOffer(*one) for one in told["offers"]))
+        return probes.DhcpOffers(
+            trouble, "", () if trouble else tuple(probes.DhcpOffer(*one) for one in told["offers"])
+        )
     if "datagrams" in told:
-        return DdsDiscoverResult(trouble, "", told["prefix"], () if trouble else told["datagrams"])
+        return probes.DdsDiscoverResult(trouble, "", told["prefix"], () if trouble else told["datagrams"])
     if "rows" in told:
-        return Rows(trouble, "", () if trouble else told["rows"], **stamps)
+        return probes.Rows(trouble, "", () if trouble else told["rows"], **stamps)
     out = "" if trouble else told["out"]
-    return CommandResult(trouble, "", told.get("rc", 0), out, "", 0.0 if trouble else told.get("began", 0.0), **stamps)
+    return probes.CommandResult(
+        trouble, "", told.get("rc", 0), out, "", 0.0 if trouble else told.get("began", 0.0), **stamps
+    )
 
 
 @cache
-def healthy(name: str) -> tuple[Probe, dict[str, Told]]:
+def healthy(name: str) -> tuple[probes.Probe, dict[str, Told]]:
     """A check of the site's own, and what is answered when all is well."""
     world = World()
     step = next(one for one in own_steps() if one.name == name)
@@ -118,7 +104,7 @@ def healthy(name: str) -> tuple[Probe, dict[str, Told]]:
     return step.probe, {question.name: plain(world.ask(question)) for question in step.probe.asks()}
 
 
-def judged(probe: Probe, told: Mapping[str, Told]) -> Judged:
+def judged(probe: probes.Probe, told: Mapping[str, Told]) -> probes.Judged:
     return probe.judge({name: spoken(one) for name, one in told.items()})
 
 
@@ -169,7 +155,6 @@ def offered(*, router: bool) -> Lie:
 
 
 def impostor(random: Random, told: dict[str, Told]) -> None:
-    """Another card offers in the router's name."""
     server, _, address, router = told["offers"]["offers"][0]
     other = (server, senders.card(random), address, router)
     told["offers"]["offers"] = [other] if random.random() < 0.5 else [told["offers"]["offers"][0], other]
@@ -187,7 +172,6 @@ def another_card(random: Random, told: dict[str, Told]) -> None:
 
 
 def seen_too(address: Callable[[Random], str], mac: Callable[[Random], str]) -> Lie:
-    """The gateway computer has another neighbour."""
     return cards_changed(
         "neighbours",
         lambda random, rows: rows.append(
@@ -309,7 +293,6 @@ def hole(random: Random, told: dict[str, Told]) -> None:
 
 
 def leak(random: Random, told: dict[str, Told]) -> None:
-    """A rule more that lets something past the satellite's allow-list."""
     rows = [dict(row) for row in told["rules"]["rows"]]
     chain = random.choice(("to-satellite", "forward", "output"))
     target = (
@@ -674,16 +657,16 @@ TERMINAL: Mapping[str, Lie] = {
     "not asked": not_given("look"),
 }
 ENDPOINT = EthernetEndpoint.model_validate({"router_port": "ether5"})
-SEEN: Mapping[str, tuple[Probe, Callable[[Random], dict[str, Told]], Mapping[str, Lie]]] = {
+SEEN: Mapping[str, tuple[probes.Probe, Callable[[Random], dict[str, Told]], Mapping[str, Lie]]] = {
     "ethernet": (
-        CabledProbe(name="ROV", place=Place.GATEWAY, endpoint=ENDPOINT, address=ROV, mac=ROV_CARD, router="r"),
+        CabledProbe(name="ROV", place=probes.Place.GATEWAY, endpoint=ENDPOINT, address=ROV, mac=ROV_CARD, router="r"),
         cabled,
         CABLE,
     ),
     "wifi of a vehicle": (
         AssociatedProbe(
             "Sparus",
-            Place.GATEWAY,
+            probes.Place.GATEWAY,
             WifiEndpoint.model_validate(
                 {"role": "access_point", "interface": "wlan1", "ssid": "EXAMPLE-SPARUS", "mac": "04:F0:21:45:12:9A"}
             ),
@@ -695,7 +678,11 @@ SEEN: Mapping[str, tuple[Probe, Callable[[Random], dict[str, Told]], Mapping[str
     ),
     "wifi of the site": (
         RegisteredProbe(
-            "Zarco", Place.GATEWAY, WifiEndpoint.model_validate({"role": "station", "seen_by": "ap"}), ZARCO, ZARCO_CARD
+            "Zarco",
+            probes.Place.GATEWAY,
+            WifiEndpoint.model_validate({"role": "station", "seen_by": "ap"}),
+            ZARCO,
+            ZARCO_CARD,
         ),
         registered,
         REGISTRATION,
@@ -711,16 +698,16 @@ SEEN: Mapping[str, tuple[Probe, Callable[[Random], dict[str, Told]], Mapping[str
 STORK = RcExpectation("Stork", "coastal-gateway", 14550, address=senders.VEHICLE)
 
 
-def heard(frames: list[Frame]) -> Transcript:
+def heard(frames: list[Frame]) -> probes.Transcript:
     ended_s = 8.0 if not frames else max(8.0, frames[-1][0] + 0.1)
     chunks = tuple((at, data) for at, _, data in frames)
-    return Transcript(None, "", chunks, senders.BEGAN, ended_s, tuple(who for _, who, _ in frames))
+    return probes.Transcript(None, "", chunks, senders.BEGAN, ended_s, tuple(who for _, who, _ in frames))
 
 
-def remote(name: str, frames: list[Frame]) -> Judged:
+def remote(name: str, frames: list[Frame]) -> probes.Judged:
     if name == "rc":
-        return RcHeard(STORK, Place.GATEWAY).judge({"stream": heard(frames)})
-    return SticksMoved(STORK, Place.GATEWAY).judge({"sticks": heard(frames)})
+        return RcHeard(STORK, probes.Place.GATEWAY).judge({"stream": heard(frames)})
+    return SticksMoved(STORK, probes.Place.GATEWAY).judge({"sticks": heard(frames)})
 
 
 def rc_lies(name: str) -> dict[str, Callable[[Random], list[Frame]]]:
@@ -732,7 +719,7 @@ def rc_lies(name: str) -> dict[str, Callable[[Random], list[Frame]]]:
 # All of them.
 
 
-def played(probe: str, lie: str, seed: int) -> Judged:
+def played(probe: str, lie: str, seed: int) -> probes.Judged:
     random = Random(f"{probe}/{lie}/{seed}")  # noqa: S311 - to be played again
     if probe in {"rc", "sticks"}:
         return remote(probe, rc_lies(probe)[lie](random))

@@ -4,20 +4,13 @@ One command more: `{"twin": ..., "do": "skip", "seconds": 600}` lets so much tim
 device does by itself after minutes (safe mode of a dead session, a job of its scheduler, a reboot) is done then.
 """
 
-from __future__ import annotations
-
 import asyncio
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros import SiteSpec
+from atlantis_netcfg.emulator.routeros import EmulatedRouter, SiteSpec
 from atlantis_netcfg.emulator.routeros.__main__ import _serve
 from atlantis_netcfg.emulator.routeros.control import COMMANDS
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros import EmulatedRouter
-
 
 _STEP_S = 10.0
 """So much passes at least between two looks at what is due."""

@@ -1,7 +1,5 @@
 """Records to try things on; every value is an example."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -38,7 +36,6 @@ def router(serial: str = "EXAMPLE1", *ports: PortRecord, **more: Any) -> DeviceR
 
 
 def away(**more: Any) -> DeviceRecord:  # noqa: ANN401 - fields of DeviceRecord
-    """A router that did not answer."""
     given = {"state": ReadState.NOT_REACHED, "why": "nobody answers", "hint": "look at its power"}
     return DeviceRecord.model_validate({"name": "coastal-router", "kind": "router", **given, **more})
 

@@ -1,7 +1,5 @@
 """What a computer says of itself: over SSH by a script that takes its place, and read from what programs print."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 from pathlib import Path
@@ -11,8 +9,8 @@ import pytest
 
 from atlantis_netcfg.asbuilt import computer
 from atlantis_netcfg.asbuilt.look import SiteLook
-from atlantis_netcfg.asbuilt.record import Link, Origin, ReadState
-from atlantis_netcfg.checklist.probes import CommandResult, Trouble
+from atlantis_netcfg.asbuilt.record import DeviceRecord, Link, Origin, ReadState
+from atlantis_netcfg.checklist.probes import Answer, CommandResult, Trouble
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.reading_programs import allowed
 from atlantis_netcfg.declaration import load
@@ -20,9 +18,6 @@ from atlantis_netcfg.operations.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    from atlantis_netcfg.asbuilt.record import DeviceRecord
-    from atlantis_netcfg.checklist.probes import Answer
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 GATEWAY = SHIPPED.hosts["coastal-gateway"]

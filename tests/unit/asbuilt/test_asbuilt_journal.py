@@ -1,25 +1,19 @@
 """What the journal of this computer says of a device: who adopted it and when, the last run that it was right after."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.asbuilt.look import JournalFacts
 from atlantis_netcfg.asbuilt.record import DeviceRecord, Fact, Origin, ReadState
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import Outcome, Purpose, RunEnded, RunStarted, Store
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 ROUTER, SERVER = "coastal-router", "coastal-gateway"
 
 
 def ran(state: Path, day: int, purpose: Purpose, status: str, by: str = "") -> None:
-    """A run of that day on router and gateway."""
     store = Store(state, now=lambda: datetime(2026, 11, day, tzinfo=UTC))
     started = RunStarted(
         site="coastal", revision="", tool="0", hosts=(ROUTER,), rehearsed=False, command="", purpose=purpose, by=by

@@ -1,10 +1,8 @@
 """Screen, page and paper say of each value where it is from; a reader that we did not write reads the QR codes."""
 
-from __future__ import annotations
-
 import re
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from asbuilt_examples import AT, GATEWAY, away, port, record, router, terminal
@@ -13,27 +11,15 @@ from PIL import Image
 from atlantis_netcfg.asbuilt.pages import html, rows
 from atlantis_netcfg.asbuilt.paper import labels_of, labels_pdf, pdf
 from atlantis_netcfg.asbuilt.record import Fact, Origin, compared
-from atlantis_netcfg.core import language, printable
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.language import Language
 from atlantis_netcfg.declaration.model import AsBuilt
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 DIGEST = "0123456789abcdef" * 4
 PLACE = "real/coastal/asbuilt/20261125T100000Z"
 HOSTILE = "EXAMPLE\x1b[2J<script>alert(1)</script>\u202e"
 DPI = 300
 SECRETS = re.compile(r"\d{15}|SHA256:|PRIVATE|password|psk", re.IGNORECASE)
-
-
-@pytest.fixture
-def portuguese() -> Iterator[None]:
-    language.use(Language.PORTUGUESE)
-    yield
-    language.use(Language.ENGLISH)
 
 
 def screen(*devices: object, **more: object) -> list[str]:
@@ -100,14 +86,12 @@ def test_a_rehearsal_says_that_it_is_one_everywhere() -> None:
 @pytest.mark.usefixtures("portuguese")
 def test_what_is_kept_as_data_stays_english_in_portuguese() -> None:
     made = record()
-    page = html(made, DIGEST).decode()
-    assert '<html lang="pt-PT">' in page
+    assert '<html lang="pt-PT">' in html(made, DIGEST).decode()
     assert made.as_json()["devices"][0]["state"] == "read"
     assert labels_of(made, DIGEST, PLACE)[0].text.startswith("ATLANTIS as built")
 
 
 def text_of(data: bytes) -> str:
-    """A PDF as poppler reads it."""
     done = subprocess.run(["pdftotext", "-layout", "-", "-"], input=data, capture_output=True, check=True)
     return done.stdout.decode()
 
@@ -136,8 +120,7 @@ def codes(folder: Path, data: bytes, sheet: AsBuilt) -> list[str]:
 
 def _decoded(path: Path) -> str:
     command = ["zbarimg", "--quiet", "--raw", "--nodbus", "-Sdisable", "-Sqrcode.enable", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return done.stdout.strip()
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
 
 
 @pytest.mark.parametrize("size", [(70.0, 36.0), (99.1, 67.7)])

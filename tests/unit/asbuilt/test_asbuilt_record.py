@@ -1,9 +1,7 @@
 """A record says what is different, keeps what it could not read as last known, and is green only for what was read."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from asbuilt_examples import AT, GATEWAY, LATER, away, port, read, record, router, terminal
@@ -23,9 +21,6 @@ from atlantis_netcfg.asbuilt.record import (
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.declaration.model import NumberMask
 from atlantis_netcfg.journal import JournalFailed, StateDamaged
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NUMBER = "001017000001234"
 
@@ -93,8 +88,7 @@ def test_another_version_of_a_package_is_told() -> None:
 
 def test_runs_of_the_journal_are_no_difference_of_a_device() -> None:
     ran = {"confirmed": Fact(value="run-2", origin=Origin.STORED, at=LATER)}
-    now = router(facts={**router().facts, **ran})
-    assert words(later(now), record()) == []
+    assert words(later(router(facts={**router().facts, **ran})), record()) == []
 
 
 @pytest.mark.parametrize("rehearsed", [True, False])
@@ -177,8 +171,7 @@ def test_the_newest_record_is_found_and_is_what_was_kept(tmp_path: Path) -> None
         folder = new_folder(tmp_path / "asbuilt", at)
         assert folder.name == name
         keep(folder, {FILE: data(id=name), "as-built.html": b"page"})
-    found = latest(tmp_path / "asbuilt")
-    assert found == record(id="20261126T100000Z")
+    assert latest(tmp_path / "asbuilt") == record(id="20261126T100000Z")
     assert (tmp_path / "asbuilt" / "20261126T100000Z" / FILE).stat().st_mode & 0o777 == 0o600
 
 

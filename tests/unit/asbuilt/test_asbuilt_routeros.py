@@ -1,8 +1,7 @@
 """What a router twin answers, read: identity, ports, and who was heard on them, joined over four menus."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import pytest
 
@@ -11,12 +10,7 @@ from atlantis_netcfg.asbuilt.record import Link, Origin
 from atlantis_netcfg.declaration.model import NumberMask
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import Called, Environment, ModemSpec, RouterSpec, User
-from atlantis_netcfg.routeros.api import Reply, Trap
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.api import Command, Reply, Trap
 
 PORTS = ("ether1", "ether2", "ether3", "ether4", "ether5")
 SEED = """
@@ -56,7 +50,6 @@ class Box:
     def read(
         self, modem: str | None = None, mask: NumberMask = NumberMask.LAST4, refuses: Mapping[str, str] | None = None
     ) -> routeros.RouterOsFacts:
-        """All that is asked, answered; menus that the device `refuses` say why."""
         found = []
         for command in routeros.questions(PORTS, modem):
             why = (refuses or {}).get(command.path)

@@ -1,7 +1,5 @@
 """Whatever a device writes, a reader neither fails nor makes a number of what is none."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

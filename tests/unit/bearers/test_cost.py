@@ -1,7 +1,5 @@
 """What a session is billed as: the published example by hand, and what holds for any tariff."""
 
-from __future__ import annotations
-
 from decimal import Decimal
 
 import pytest

@@ -1,7 +1,5 @@
 """docs/4g.md says what the code says: drivers and their fields, findings and what can be done about them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

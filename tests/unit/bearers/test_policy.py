@@ -1,7 +1,5 @@
 """Which bearer is active, from route rows as a router prints them; and pings that test a link."""
 
-from __future__ import annotations
-
 from row_subtests import for_each_row
 
 from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer, active_bearers, probe_commands

@@ -1,7 +1,5 @@
 """What the page of the benchmarks says in words, from figures that are made up."""
 
-from __future__ import annotations
-
 import pytest
 
 from bench.figures import Crowd, Figure, Runs, Sample

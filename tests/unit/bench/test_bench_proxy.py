@@ -1,16 +1,11 @@
 """The bench's own link: what it delays, and what it counts."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from collections.abc import AsyncIterator
 
 import pytest
 
 from bench.proxy import Proxy, Shape
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
 
 
 async def _echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -35,34 +30,25 @@ async def talk(shape: Shape, *words: bytes) -> AsyncIterator[tuple[float, Proxy]
 
 
 @pytest.mark.parametrize("words", [(b"a",), (b"a", b"bc", b"def")])
-def test_a_connection_costs_a_round_trip_and_each_answer_another(words: tuple[bytes, ...]) -> None:
-    async def main() -> None:
-        number = 0
-        async for took_s, proxy in talk(Shape(delay_s=0.05), *words):
-            number += 1
-            assert 0.1 * (number + 1) <= took_s
-            assert proxy.count.round_trips == number + 1
-        assert proxy.count.sent == proxy.count.received == sum(map(len, words))
-        assert proxy.count.connections == 1
-
-    asyncio.run(main())
+async def test_a_connection_costs_a_round_trip_and_each_answer_another(words: tuple[bytes, ...]) -> None:
+    number = 0
+    async for took_s, proxy in talk(Shape(delay_s=0.05), *words):
+        number += 1
+        assert 0.1 * (number + 1) <= took_s
+        assert proxy.count.round_trips == number + 1
+    assert proxy.count.sent == proxy.count.received == sum(map(len, words))
+    assert proxy.count.connections == 1
 
 
-def test_a_rate_holds_for_all_bytes_of_a_direction() -> None:
-    async def main() -> None:
-        async for took_s, _ in talk(Shape(up_bps=400_000), b"x" * 10_000):
-            assert took_s >= 0.2
-
-    asyncio.run(main())
+async def test_a_rate_holds_for_all_bytes_of_a_direction() -> None:
+    async for took_s, _ in talk(Shape(up_bps=400_000), b"x" * 10_000):
+        assert took_s >= 0.2
 
 
-def test_a_far_side_that_is_not_there_ends_the_connection() -> None:
-    async def main() -> None:
-        async with Proxy("127.0.0.1", 0, ("127.0.0.1", 1), Shape()) as proxy:
-            reader, writer = await asyncio.open_connection(*proxy.address)
-            with pytest.raises((ConnectionError, asyncio.IncompleteReadError)):
-                await reader.readexactly(1)
-            writer.close()
-            assert proxy.count.received == 0
-
-    asyncio.run(main())
+async def test_a_far_side_that_is_not_there_ends_the_connection() -> None:
+    async with Proxy("127.0.0.1", 0, ("127.0.0.1", 1), Shape()) as proxy:
+        reader, writer = await asyncio.open_connection(*proxy.address)
+        with pytest.raises((ConnectionError, asyncio.IncompleteReadError)):
+            await reader.readexactly(1)
+        writer.close()
+        assert proxy.count.received == 0

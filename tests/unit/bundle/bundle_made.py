@@ -1,19 +1,20 @@
 """A small bundle whose packages are nothing but bytes, for tests of opening and carrying."""
 
-from __future__ import annotations
-
 import hashlib
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bundle.manifest import BundledLibrary, BundleFile, HostPart, Keys, Manifest, content_id
+from atlantis_netcfg.bundle.manifest import (
+    BundledLibrary,
+    BundleFile,
+    BundleSigner,
+    HostPart,
+    Keys,
+    Manifest,
+    content_id,
+)
 from atlantis_netcfg.bundle.requirements import HostRequirements, Library, PackageRequirement
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.bundle.manifest import BundleSigner
 
 HOST = "coastal-gateway"
 LIBRARY = Library("https://git.example.org/c4i/library.git", "v1.0")
@@ -48,7 +49,6 @@ def signer(keys: Keys) -> BundleSigner:
 
 @pytest.fixture
 def folder(tmp_path: Path, signer: BundleSigner) -> Path:
-    """A good bundle."""
     made = tmp_path / "bundle"
     for path, data in {**CONTENT, "key.gpg": signer.public}.items():
         (made / path).parent.mkdir(parents=True, exist_ok=True)
@@ -87,6 +87,5 @@ def manifest(signer: BundleSigner) -> Manifest:
 
 
 def sign(folder: Path, told: Manifest, signer: BundleSigner) -> None:
-    """Put a manifest in place, and its signature."""
     (folder / "manifest.json").write_bytes(told.encoded())
     (folder / "manifest.json.asc").write_bytes(signer.beside(told.encoded()))

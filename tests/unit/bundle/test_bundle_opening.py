@@ -1,26 +1,18 @@
 """A bundle is taken if it is signed by a known key, whole, and holds what is declared; all that is wrong is named."""
 
-from __future__ import annotations
-
 import json
 import tarfile
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from bundle_made import HOST, LIBRARY, WISH, folder, keys, manifest, sign, signer
 
-from atlantis_netcfg.bundle.manifest import Keys
+from atlantis_netcfg.bundle.manifest import BundleSigner, Keys
 from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
-from atlantis_netcfg.bundle.requirements import BundleRefused, PackageRequirement
+from atlantis_netcfg.bundle.requirements import BundleRefused, HostRequirements, PackageRequirement
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from atlantis_netcfg.bundle.manifest import BundleSigner
-    from atlantis_netcfg.bundle.requirements import HostRequirements
 
 __all__ = ["folder", "keys", "signer"]
 CHRONY = "pool/chrony_3.5_arm64.deb"

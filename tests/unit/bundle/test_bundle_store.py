@@ -1,21 +1,16 @@
 """The board's end of carrying: what arrived whole counts, what is damaged does not, and older bundles give theirs."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os
 import shutil
 import tarfile
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.bundle import BundleStore, StoredFile
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 ONE, TWO = "1" * 16, "2" * 16
 CONTENT = {f"repository/pool/{name}.deb": name.encode() * 5000 for name in ("a", "b", "c")}

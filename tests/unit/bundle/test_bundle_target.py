@@ -1,17 +1,12 @@
 """The status file of a system says what it is and what is on it."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.bundle.manifest import Keys
 from atlantis_netcfg.bundle.requirements import BundleRefused, read_target
 from atlantis_netcfg.bundle.resolve import archive
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def status(base: str = "11ubuntu5.8", architecture: str = "arm64", extra: str = "") -> bytes:

@@ -1,32 +1,18 @@
 """What the parts of a gateway say that they install and build is what a bundle is made of."""
 
-from __future__ import annotations
-
 import base64
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from atlantis_netcfg.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, wish_of
-from atlantis_netcfg.operations.computers.parts import PARTS
+from atlantis_netcfg.operations.computers.parts import PARTS, Part
 from atlantis_netcfg.operations.request import Request
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.operations.computers.parts import Part
-
-ROOT = Path(__file__).resolve().parents[3]
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 def part(told: Mapping[str, Any]) -> Part:

@@ -1,11 +1,11 @@
 """What is advised about bundles is typed as it was printed."""
 
-from __future__ import annotations
-
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from bundle_made import HOST, WISH, folder, keys, manifest, signer
@@ -14,26 +14,18 @@ from hints_said import advised, said
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import apt_messages, apt_run
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_converge import AptConvergence
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.bundle.manifest import Keys
+from atlantis_netcfg.bundle.manifest import BundleSigner, Keys, Manifest
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.operations import bundle as bundling
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.apply import Status
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from atlantis_netcfg.bundle.manifest import BundleSigner, Manifest
-
 __all__ = ["folder", "keys", "signer"]
 KEYS_OF = Keys.of
 
 
 class Place:
-    """A computer with internet, and a bundle of it."""
-
     def __init__(self, bundle: Path, state: Path, capsys: pytest.CaptureFixture[str]) -> None:
         self.bundle, self.state, self.capsys = bundle, state, capsys
         self.fresh = bundle.with_name("fresh")

@@ -3,25 +3,19 @@
 from ear_stand import asked, listen, served
 """
 
-from __future__ import annotations
-
 import json
 import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from atlantis_netcfg.checklist.probes import Listen, Place, Transcript
+from atlantis_netcfg.checklist.probes import Answer, Listen, Place, Question, Transcript
 from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
 from atlantis_netcfg.checklist.probes.agent.main import answer_all
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
 
 LOOPBACK = "127.0.0.1"
 ENOUGH_S = 30.0
@@ -29,12 +23,10 @@ ENOUGH_S = 30.0
 
 
 def listen(port: int, **how: Any) -> Listen:  # noqa: ANN401 - the fields of Listen
-    """A question over TCP to this computer."""
     return replace(Listen("it", Place.LAPTOP, "tcp", LOOPBACK, port), **how)
 
 
 def asked(*questions: Question, deadline_s: float | None = None) -> dict[str, Answer]:
-    """The answers by name, through the JSON of the wire."""
     by_name = {question.name: question for question in questions}
     made = batch(list(by_name.items()))
     told: dict[str, Any] = {}
@@ -44,7 +36,6 @@ def asked(*questions: Question, deadline_s: float | None = None) -> dict[str, An
 
 
 def heard_by(question: Listen) -> Transcript:
-    """The one transcript."""
     answer = asked(question)[question.name]
     assert isinstance(answer, Transcript)
     return answer
@@ -78,7 +69,6 @@ def served(serve: Callable[[socket.socket], object], clients: int = 1) -> Iterat
 
 
 def until_gone(client: socket.socket) -> bytes:
-    """What a client says until it hangs up."""
     said = b""
     while more := client.recv(4096):
         said += more

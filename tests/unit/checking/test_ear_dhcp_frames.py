@@ -1,7 +1,5 @@
 """Frames of DHCP as the ear makes and reads them (RFC 2131); garbage is no offer and no fault."""
 
-from __future__ import annotations
-
 import socket
 import struct
 
@@ -17,7 +15,6 @@ OFFER = {"server": "10.64.1.1", "mac": "02:00:5e:00:01:01", "address": "10.64.1.
 def offer(
     *options: bytes, number: bytes = NUMBER, mac: bytes = MAC, port: int = 68, cookie: bytes = b"c\x82Sc"
 ) -> bytes:
-    """A server's frame."""
     yours = socket.inet_aton("10.64.1.100")
     bootp = struct.pack("!4B4sHH4s4s8x6s10x192x", 2, 1, 6, 0, number, 0, 0x8000, b"\0" * 4, yours, mac)
     body = bootp + cookie + b"".join(options) + b"\xff"

@@ -1,7 +1,5 @@
 """Ports that may be somebody else's: UDP ports and serial ports are taken from nobody."""
 
-from __future__ import annotations
-
 import os
 import socket
 import subprocess
@@ -10,19 +8,17 @@ import termios
 import threading
 import time
 import tty
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from ear_stand import ENOUGH_S, LOOPBACK, asked_apart, heard_by, listen
 
 from atlantis_netcfg.checklist.probes import Listen, Place, Say, Transcript, Trouble
 from atlantis_netcfg.checklist.probes.agent import streams
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HOLDS = "import os,sys; port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print('held', flush=True); input()"
 LOCKS = "import fcntl,os,sys; port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); fcntl.flock(port, fcntl.LOCK_EX)"
@@ -45,7 +41,6 @@ def pair() -> Iterator[tuple[int, str]]:
 
 @contextmanager
 def other(program: str, path: str) -> Iterator[int]:
-    """Another process that has the port."""
     words = [sys.executable, "-c", program, path]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None

@@ -1,46 +1,30 @@
 """The program as a whole: Python 3.8 alone, small, and no question takes another one with it."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os
+import socket
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from ear_stand import ENOUGH_S, asked, asked_apart, listen, served, until_gone
 from waiting import HANG_S
 
-from atlantis_netcfg.checklist.probes import (
-    CommandResult,
-    DhcpDiscoverRequest,
-    LinkStatusRequest,
-    Place,
-    RouterOsQuery,
-    RunProgram,
-    Say,
-    Transcript,
-    Trouble,
-)
+from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.agent import BOOT, MODULES, _sources, batch, main, program, read_result
 from atlantis_netcfg.checklist.probes.agent.streams import ProbeError
-
-if TYPE_CHECKING:
-    import socket
-
-    from atlantis_netcfg.checklist.probes import Question
 
 MOST = 9_000
 """Bytes of the program without questions, which travel once a turn; a satellite link takes them in 0.2 s."""
 
 
-def run(*argv: str, name: str = "it", within_s: float = ENOUGH_S) -> RunProgram:
-    return RunProgram(name, Place.LAPTOP, argv, within_s)
+def run(*argv: str, name: str = "it", within_s: float = ENOUGH_S) -> probes.RunProgram:
+    return probes.RunProgram(name, probes.Place.LAPTOP, argv, within_s)
 
 
 @pytest.mark.parametrize(("name", "text"), _sources(), ids=MODULES)
@@ -79,31 +63,31 @@ def test_every_kind_of_question_by_the_program() -> None:
 
     with served(serve) as port:
         told = asked_apart(
-            listen(port, name="tcp", say=(Say(b"?\n", rb"\n", ENOUGH_S),)),
+            listen(port, name="tcp", say=(probes.Say(b"?\n", rb"\n", ENOUGH_S),)),
             run("env", name="run"),
             run("no-such-program", name="missing"),
-            DhcpDiscoverRequest("dhcp", Place.LAPTOP, "no-such-interface"),
+            probes.DhcpDiscoverRequest("dhcp", probes.Place.LAPTOP, "no-such-interface"),
         )
     assert told.keys() == {"tcp", "run", "missing", "dhcp"}
     tcp, ran = told["tcp"], told["run"]
-    assert isinstance(tcp, Transcript)
+    assert isinstance(tcp, probes.Transcript)
     assert tcp.data == b"\x00\xffanswer\r\n"
-    assert isinstance(ran, CommandResult)
+    assert isinstance(ran, probes.CommandResult)
     assert dict(line.split("=", 1) for line in ran.out.splitlines()).keys() == {"PATH", "LC_ALL"}
     assert (ran.asked, ran.heard) == (1.0, 2.0)
     assert (told["dhcp"].trouble, told["dhcp"].words) == (
-        Trouble.MISSING,
+        probes.Trouble.MISSING,
         "this computer has no interface no-such-interface",
     )
     assert (told["missing"].trouble, told["missing"].words) == (
-        Trouble.MISSING,
+        probes.Trouble.MISSING,
         "no-such-program: No such file or directory",
     )
 
 
 def test_what_a_program_prints_and_how_it_ends() -> None:
     told = asked(run("sh", "-c", "echo out; echo err >&2; exit 3"))["it"]
-    assert isinstance(told, CommandResult)
+    assert isinstance(told, probes.CommandResult)
     assert (told.trouble, told.rc, told.out, told.err) == (None, 3, "out\n", "err\n")
 
 
@@ -111,17 +95,17 @@ def test_a_program_that_may_not_run(tmp_path: Path) -> None:
     program = tmp_path / "program"
     program.touch(mode=0o600)
     told = asked(run(str(program)))["it"]
-    assert (told.trouble, told.words) == (Trouble.DENIED, f"{program}: Permission denied")
+    assert (told.trouble, told.words) == (probes.Trouble.DENIED, f"{program}: Permission denied")
     program.chmod(0o700)
     program.write_text("no program")
-    assert asked(run(str(program)))["it"].trouble is Trouble.MISSING
+    assert asked(run(str(program)))["it"].trouble is probes.Trouble.MISSING
 
 
 def test_a_program_that_hangs_is_ended_with_all_that_it_has_started(tmp_path: Path) -> None:
     child = tmp_path / "child"
     told = asked(run("sh", "-c", f"echo so far; sleep 600 & echo $! >{child}; wait", within_s=1.0))["it"]
-    assert isinstance(told, CommandResult)
-    assert (told.trouble, told.out) == (Trouble.SILENT, "so far\n")
+    assert isinstance(told, probes.CommandResult)
+    assert (told.trouble, told.out) == (probes.Trouble.SILENT, "so far\n")
     assert told.words == "sh did not end within 1 s"
     assert ended(int(child.read_text()))
 
@@ -150,7 +134,7 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
         over.wait()
 
     over = threading.Event()
-    crashes = DhcpDiscoverRequest("crashes", Place.LAPTOP, "eth0")
+    crashes = probes.DhcpDiscoverRequest("crashes", probes.Place.LAPTOP, "eth0")
     with served(serve) as port:
         hangs, waits = (listen(port, name=name, listen_s=ENOUGH_S) for name in ("hangs", "waits"))
         made = batch([("hangs", hangs), ("waits", waits), ("runs", run("true", name="runs")), ("crashes", crashes)])
@@ -164,8 +148,8 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
         read_result(told["crashes"], crashes, 0, 0)
     assert told["runs"]["rc"] == 0
     so_far = read_result(told["hangs"], hangs, 0, 0)
-    assert isinstance(so_far, Transcript)
-    assert (so_far.trouble, so_far.words, so_far.data) == (Trouble.SILENT, "timed out", b"something")
+    assert isinstance(so_far, probes.Transcript)
+    assert (so_far.trouble, so_far.words, so_far.data) == (probes.Trouble.SILENT, "timed out", b"something")
     assert told["waits"] == {"trouble": "silent", "words": "timed out"}
 
 
@@ -180,12 +164,12 @@ def test_nobody_reads_it_any_more() -> None:
 
 
 def test_who_waits_for_whom_and_how_long_it_takes_at_most() -> None:
-    questions: dict[str, Question] = {
+    questions: dict[str, probes.Question] = {
         "runs": run("true", name="runs", within_s=2),
         "a": listen(1, name="a", connect_s=1, listen_s=5),
         "b": listen(2, name="b", connect_s=1, listen_s=5),
-        "a again": listen(1, name="a again", connect_s=1, say=(Say(b"?", b".", 3),), turn="water"),
-        "b again": listen(2, name="b again", connect_s=1, say=(Say(b"?", b".", 3),), turn="water"),
+        "a again": listen(1, name="a again", connect_s=1, say=(probes.Say(b"?", b".", 3),), turn="water"),
+        "b again": listen(2, name="b again", connect_s=1, say=(probes.Say(b"?", b".", 3),), turn="water"),
         "apart": listen(3, name="apart", connect_s=1, turn="air"),
     }
     made = batch(list(questions.items()))
@@ -213,17 +197,22 @@ def test_an_end_that_is_not_there_is_not_knocked_at_again(monkeypatch: pytest.Mo
     told = asked(*(listen(port, name=f"{port}{name}") for port in (1, 2) for name in "abc"))
     assert sorted(knocks) == ["1a", "2a", "2b", "2c"]
     assert {name: (one.trouble, one.words) for name, one in told.items()} == {
-        **{f"1{name}": (Trouble.UNREACHABLE, "port 1") for name in "abc"},
-        **{f"2{name}": (Trouble.REFUSED, "port 2") for name in "abc"},
+        **{f"1{name}": (probes.Trouble.UNREACHABLE, "port 1") for name in "abc"},
+        **{f"2{name}": (probes.Trouble.REFUSED, "port 2") for name in "abc"},
     }
 
 
-@pytest.mark.parametrize("question", [LinkStatusRequest("l", "satellite"), RouterOsQuery("a", "router", None)])  # type: ignore[arg-type]
-def test_a_question_of_another_place_is_no_question_of_the_program(question: LinkStatusRequest | RouterOsQuery) -> None:
+@pytest.mark.parametrize(
+    "question",
+    [probes.LinkStatusRequest("l", "satellite"), probes.RouterOsQuery("a", "router", None)],  # type: ignore[arg-type]
+)
+def test_a_question_of_another_place_is_no_question_of_the_program(
+    question: probes.LinkStatusRequest | probes.RouterOsQuery,
+) -> None:
     with pytest.raises(ValueError, match="is no question of the program that listens"):
         batch([("it", question)])
 
 
 def test_questions_are_json() -> None:
-    made = batch([("it", listen(9200, say=(Say(b"+++AT?S\n\xff", rb"\r\n\xfe"),), enough=rb"\x00"))])
+    made = batch([("it", listen(9200, say=(probes.Say(b"+++AT?S\n\xff", rb"\r\n\xfe"),), enough=rb"\x00"))])
     assert json.loads(json.dumps(made.asked)) == made.asked

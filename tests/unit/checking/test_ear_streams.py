@@ -1,11 +1,9 @@
 """What the ear hears over TCP, from servers that refuse, hang up, keep silent or say one byte at a time."""
 
-from __future__ import annotations
-
 import errno
 import socket
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import pytest
 from ear_stand import ENOUGH_S, LOOPBACK, asked, heard_by, listen, served, until_gone
@@ -13,15 +11,11 @@ from ear_stand import ENOUGH_S, LOOPBACK, asked, heard_by, listen, served, until
 from atlantis_netcfg.checklist.probes import Say, Transcript, Trouble
 from atlantis_netcfg.checklist.probes.agent.streams import no_answer, packed
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 HELLO = Say(b"hello\n", rb"\r\n$", ENOUGH_S)
 
 
 @pytest.fixture
 def free() -> Iterator[int]:
-    """A port that is bound and at which nobody listens."""
     with socket.socket() as bound:
         bound.bind((LOOPBACK, 0))
         yield bound.getsockname()[1]

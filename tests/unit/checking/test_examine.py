@@ -1,12 +1,10 @@
 """One turn of a checklist, with ears that a test scripts: what is asked, when it is judged, what goes wrong."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -23,6 +21,8 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusRequest,
     Listen,
     Place,
+    Probe,
+    Question,
     ReflectRequest,
     RouterOsQuery,
     Rows,
@@ -33,16 +33,10 @@ from atlantis_netcfg.checklist.probes import (
     Trouble,
 )
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase
-from atlantis_netcfg.checklist.runner import _run, examine, telling
+from atlantis_netcfg.checklist.runner import OnAnswer, Questions, _run, examine, telling
 from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import REFLECTOR_PORT
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from atlantis_netcfg.checklist.probes import Probe, Question
-    from atlantis_netcfg.checklist.runner import OnAnswer, Questions
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 NOW = datetime(2026, 5, 4, 10, 30, tzinfo=UTC)
@@ -56,8 +50,6 @@ LOOKS = LinkStatusRequest("look", "satellite")
 
 @dataclass
 class Fake:
-    """A probe that asks what it is told to."""
-
     questions: tuple[Question, ...] = (DISCOVER,)
     findings: tuple[BearerFinding, ...] = (GOOD,)
     fault: str = ""

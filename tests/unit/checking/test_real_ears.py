@@ -1,47 +1,28 @@
 """The real site's ears: OpenSSH's place is taken by a script that writes down how it was called."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import shutil
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from waiting import wait_until
 
 from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.checklist import plan
-from atlantis_netcfg.checklist.probes import (
-    AllowListTestRequest,
-    AllowListTestResult,
-    CommandResult,
-    LinkStatusRequest,
-    LinkStatusResult,
-    Listen,
-    Place,
-    RunProgram,
-    Say,
-    Trouble,
-)
+from atlantis_netcfg.checklist import plan, probes
 from atlantis_netcfg.checklist.runner import NotReached, RealEars, _real, _way_in, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.events import Event, Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.allow_list_test.prove import Proof
 from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.links.look import LinksStatus as LooksBack
 from atlantis_netcfg.operations.request import Request
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
-    from atlantis_netcfg.core.events import Event
-    from atlantis_netcfg.operations.links.look import LinksStatus as LooksBack
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 SHIPPED = load(INVENTORY)
@@ -61,7 +42,7 @@ class Stand:
         self.programs.mkdir()
         self.behaves(RUNS)
         self._script("sudo", AS_ROOT)
-        self.told: list[tuple[str, Answer]] = []
+        self.told: list[tuple[str, probes.Answer]] = []
         self.events: list[Event] = []
         asked = Request(state=folder / "state", command="provision check", **request)
         self.ears = RealEars(SHIPPED, "coastal", asked, self.events.append, ssh_config=str(folder / "ssh_config"))
@@ -70,7 +51,9 @@ class Stand:
         """What ssh does."""
         self._script("ssh", HERE.format(log=self.log, does=does))
 
-    def ask(self, *questions: Question, place: Place = Place.GATEWAY, host: str | None = None) -> Mapping[str, Answer]:
+    def ask(
+        self, *questions: probes.Question, place: probes.Place = probes.Place.GATEWAY, host: str | None = None
+    ) -> Mapping[str, probes.Answer]:
         asked = [(question.name, question) for question in questions]
         return asyncio.run(self.ears.ask(place, host, asked, lambda key, answer: self.told.append((key, answer))))
 
@@ -90,12 +73,14 @@ def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
     return made
 
 
-def run(name: str, *argv: str, within_s: float = 30.0) -> RunProgram:
-    return RunProgram(name, Place.GATEWAY, argv, within_s)
+def run(name: str, *argv: str, within_s: float = 30.0) -> probes.RunProgram:
+    return probes.RunProgram(name, probes.Place.GATEWAY, argv, within_s)
 
 
 def test_everything_goes_in_one_command(stand: Stand) -> None:
-    nobody = Listen("tcp", Place.GATEWAY, "tcp", "127.0.0.1", 1, say=(Say(b"\x00'\"%s$(x)\n", b"."),))
+    nobody = probes.Listen(
+        "tcp", probes.Place.GATEWAY, "tcp", "127.0.0.1", 1, say=(probes.Say(b"\x00'\"%s$(x)\n", b"."),)
+    )
     found = stand.ask(run("one", "echo", "it's", "100%", "$HOME"), run("two", "true"), nobody)
     (call,) = stand.calls
     assert "-o BatchMode=yes -o Compression=yes -o StrictHostKeyChecking=yes -o ServerAliveInterval=20" in call
@@ -104,10 +89,10 @@ def test_everything_goes_in_one_command(stand: Stand) -> None:
     assert " coastal-gateway python3 -I -c '" in call
     assert len(call) < 1000, "the program and the questions are not on a command line"
     one = found["one"]
-    assert isinstance(one, CommandResult)
+    assert isinstance(one, probes.CommandResult)
     assert (one.trouble, one.rc, one.out) == (None, 0, "it's 100% $HOME\n")
     assert one.asked <= one.began <= one.heard
-    assert found["tcp"].trouble is Trouble.REFUSED
+    assert found["tcp"].trouble is probes.Trouble.REFUSED
     assert dict(stand.told) == found
     assert [(one.device, one.stage.value, one.message) for one in stand.events] == [
         ("coastal: gateway", "connecting", "3 questions, which only read"),
@@ -174,10 +159,10 @@ NOBODY: Mapping[str, tuple[str, str]] = {
 def test_a_gateway_that_is_not_reached_answers_so(stand: Stand, case: str) -> None:
     does, words = NOBODY[case]
     stand.behaves(does)
-    found = stand.ask(run("one", "true"), Listen("two", Place.GATEWAY, "udp", port=14550))
+    found = stand.ask(run("one", "true"), probes.Listen("two", probes.Place.GATEWAY, "udp", port=14550))
     assert {name: (one.trouble, one.words) for name, one in found.items()} == {
-        "one": (Trouble.NO_PLACE, words),
-        "two": (Trouble.NO_PLACE, words),
+        "one": (probes.Trouble.NO_PLACE, words),
+        "two": (probes.Trouble.NO_PLACE, words),
     }
     assert stand.events[-1].message == "0 of 2 questions were asked"
 
@@ -188,10 +173,10 @@ def test_a_connection_that_hangs_is_given_up_with_what_has_come(stand: Stand, mo
     first = '{"key":"one","trouble":null,"words":"","rc":0,"out":"early","err":"","began":1.0}'
     stand.behaves(f"cat >/dev/null; echo '{first}'; exec sleep 600")
     found = stand.ask(run("one", "true", within_s=0), run("two", "true", within_s=0))
-    assert isinstance(found["one"], CommandResult)
+    assert isinstance(found["one"], probes.CommandResult)
     assert found["one"].out == "early"
     assert (found["two"].trouble, found["two"].words.partition(";")[0]) == (
-        Trouble.NO_PLACE,
+        probes.Trouble.NO_PLACE,
         "coastal-gateway did not answer in time",
     )
 
@@ -202,7 +187,7 @@ def test_who_does_not_wait_ends_the_connection(stand: Stand, tmp_path: Path) -> 
     stand.behaves(f"echo $$ >{pipe}; exec sleep 600")
 
     async def impatient() -> None:
-        task = asyncio.create_task(stand.ears.ask(Place.GATEWAY, None, [("one", run("one", "true"))], print))
+        task = asyncio.create_task(stand.ears.ask(probes.Place.GATEWAY, None, [("one", run("one", "true"))], print))
         pid = await asyncio.to_thread(pipe.read_text)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
@@ -230,9 +215,9 @@ def test_example_values_and_what_is_not_emulated_are_no_place(tmp_path: Path) ->
     with pytest.raises(NotReached, match="coastal has no such bearer"):
         way_in(SHIPPED, GATEWAY, Request(via={"coastal-gateway": "rope"}), "config")
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path))
-    for place, host in ((Place.ROUTER, None), (Place.ROUTER, "coastal-router")):
-        found = asyncio.run(ears.ask(place, host, [("it", LinkStatusRequest("it", "satellite"))], print))["it"]
-        assert found.trouble is Trouble.NO_PLACE
+    for place, host in ((probes.Place.ROUTER, None), (probes.Place.ROUTER, "coastal-router")):
+        found = asyncio.run(ears.ask(place, host, [("it", probes.LinkStatusRequest("it", "satellite"))], print))["it"]
+        assert found.trouble is probes.Trouble.NO_PLACE
         assert found.words.startswith("the inventory still holds example values")
 
 
@@ -249,7 +234,7 @@ def test_nothing_is_sent_over_a_metered_way_before_somebody_pays(
         if accepted:
             assert found.trouble is None
         else:
-            assert found.trouble is Trouble.NO_PLACE
+            assert found.trouble is probes.Trouble.NO_PLACE
             assert found.words.startswith(
                 "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal, which is paid by "
                 "the byte: up to 19 kB, 0.16 EUR; type the same with `--accept-cost`"
@@ -258,15 +243,15 @@ def test_nothing_is_sent_over_a_metered_way_before_somebody_pays(
 
 def test_more_than_the_cap_is_refused_whoever_pays(tmp_path: Path) -> None:
     stand = Stand(tmp_path, via={"coastal-gateway": "satellite"}, accept_cost=True)
-    flood = Listen("it", Place.GATEWAY, "udp", port=14550, listen_s=3000, max_bytes=99_000_000)
+    flood = probes.Listen("it", probes.Place.GATEWAY, "udp", port=14550, listen_s=3000, max_bytes=99_000_000)
     assert "no action may send more than 5.0 MB there" in stand.ask(flood)["it"].words
     assert stand.calls == []
 
 
 def test_a_stream_is_cut_where_its_estimate_ends() -> None:
-    chatty = Listen("it", Place.GATEWAY, "udp", port=14550, listen_s=10)
+    chatty = probes.Listen("it", probes.Place.GATEWAY, "udp", port=14550, listen_s=10)
     ((_, cut),) = _bill.within_budget([("it", chatty)])
-    assert isinstance(cut, Listen)
+    assert isinstance(cut, probes.Listen)
     assert cut.max_bytes == 34_096
     carrier = bearer_of(SHIPPED, GATEWAY, "satellite")
     assert _bill.expected(SHIPPED, "coastal", carrier, [("it", cut)]).bill.payload_bytes == pytest.approx(63_000, 0.03)
@@ -285,16 +270,18 @@ def test_what_a_whole_checklist_costs_is_told_before() -> None:
 
 
 def test_this_computer_is_asked_without_ssh(stand: Stand) -> None:
-    found = stand.ask(RunProgram("one", Place.LAPTOP, ("echo", "here")), place=Place.LAPTOP)["one"]
-    assert isinstance(found, CommandResult)
+    found = stand.ask(probes.RunProgram("one", probes.Place.LAPTOP, ("echo", "here")), place=probes.Place.LAPTOP)["one"]
+    assert isinstance(found, probes.CommandResult)
     assert (found.out, stand.calls) == ("here\n", [])
     assert stand.events[-1].device == "this computer"
 
 
 def test_this_computer_without_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
-    found = asyncio.run(ask_here([("one", RunProgram("one", Place.LAPTOP, ("true",)))], lambda *_: None))["one"]
-    assert found.trouble is Trouble.NO_PLACE
+    found = asyncio.run(ask_here([("one", probes.RunProgram("one", probes.Place.LAPTOP, ("true",)))], lambda *_: None))[
+        "one"
+    ]
+    assert found.trouble is probes.Trouble.NO_PLACE
     assert found.words.startswith("the program that listens does not start on this computer: ")
 
 
@@ -312,13 +299,13 @@ def test_links_are_looked_at_once_for_all_who_ask(tmp_path: Path, monkeypatch: p
 
     monkeypatch.setattr(_real, "look", look)
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, rehearsed=True))
-    questions = [(name, LinkStatusRequest(name, name)) for name in ("satellite", "4g", "rope")]
+    questions = [(name, probes.LinkStatusRequest(name, name)) for name in ("satellite", "4g", "rope")]
     heard: list[str] = []
-    found = asyncio.run(ears.ask(Place.ROUTER, None, questions, lambda key, _: heard.append(key)))
+    found = asyncio.run(ears.ask(probes.Place.ROUTER, None, questions, lambda key, _: heard.append(key)))
     assert len(looks) == 1
-    assert found["satellite"] == LinkStatusResult(None, "", {"state": "up"})
-    assert found["4g"] == LinkStatusResult(None, "", {"state": "down"})
-    assert (found["rope"].trouble, found["rope"].words) == (Trouble.MISSING, "the site has no link `rope`")
+    assert found["satellite"] == probes.LinkStatusResult(None, "", {"state": "up"})
+    assert found["4g"] == probes.LinkStatusResult(None, "", {"state": "down"})
+    assert (found["rope"].trouble, found["rope"].words) == (probes.Trouble.MISSING, "the site has no link `rope`")
     assert heard == ["satellite", "4g", "rope"]
 
 
@@ -344,14 +331,14 @@ def test_a_proof_is_made_when_somebody_pays(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr("atlantis_netcfg.checklist.runner._real.refuse_examples", lambda *_, **__: None)
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, accept_cost=accepted, command="provision check"))
     found = asyncio.run(
-        ears.ask(Place.ROUTER, None, [("it", AllowListTestRequest("it", "satellite"))], lambda *_: None)
+        ears.ask(probes.Place.ROUTER, None, [("it", probes.AllowListTestRequest("it", "satellite"))], lambda *_: None)
     )["it"]
-    assert isinstance(found, AllowListTestResult)
+    assert isinstance(found, probes.AllowListTestResult)
     if accepted:
         assert (found.trouble, [one.code for one in found.findings]) == (None, ["reached"])
         assert found.bill == "9.0 kB, 0.08 EUR"
     else:
-        assert found.trouble is Trouble.NO_PLACE
+        assert found.trouble is probes.Trouble.NO_PLACE
         assert found.words.startswith("nobody has agreed to pay for this, so nothing was sent: over satellite")
 
 

@@ -3,8 +3,6 @@
 `python tests/unit/checklist/answers_cases.py` writes the texts anew: read the difference before you commit it.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

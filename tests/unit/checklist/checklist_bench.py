@@ -1,22 +1,15 @@
 """A small checklist of our own, so that these tests hold whatever the columns look at."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from atlantis_netcfg.checklist import Book, BookHead, Checklist, Confirmation, PlanEntry, Scope
-from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Step
+from atlantis_netcfg.checklist.probes import Answer, Cell, Consent, Judged, Question, Step
 from atlantis_netcfg.checklist.report import Document, Drawing, Item, ItemKind, Phase, Row
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
 
 NAME = "A. Technician"
 WIFI, FAILSAFE, PING, USBL, DHCP, SKIPPED = EVERY = (
@@ -35,8 +28,6 @@ HEAD = BookHead(rehearsed=False, tool="1.0", inventory="ab" * 32, drawing=Drawin
 
 
 class Deaf:
-    """Looks at nothing."""
-
     def asks(self) -> tuple[Question, ...]:
         return ()
 
@@ -47,8 +38,6 @@ class Deaf:
 
 @dataclass
 class Clock:
-    """A minute later each time."""
-
     at: datetime = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 
     def __call__(self) -> datetime:
@@ -94,7 +83,6 @@ def checklist(names: Sequence[str] = EVERY, scope: Scope | None = None) -> Check
 
 
 def found(name: str, verdict: Verdict = Verdict.PASS, message: str = "as it should be") -> Item:
-    """What a probe gives back."""
     return entry(name).item.model_copy(update={"verdict": verdict, "message": message})
 
 
@@ -133,7 +121,6 @@ class Desk:
 
 
 def answer(book: Book, verdicts: Mapping[str, Verdict] | None = None) -> None:
-    """Settle everything that is open."""
     for one in book.entries_open():
         verdict = (verdicts or {}).get(one.item.id, Verdict.PASS)
         if one.item.kind is ItemKind.PERSON:

@@ -1,7 +1,6 @@
 """A file of answers is read whole or not at all, and every error of it is told with its line."""
 
-from __future__ import annotations
-
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,8 +12,6 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from atlantis_netcfg.checklist.report import Item
 
 WHOLE = """

@@ -1,7 +1,5 @@
 """Whatever is done to a book, in whatever order: what is on disk is what is in hand, and what is signed verifies."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

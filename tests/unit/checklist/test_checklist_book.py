@@ -1,7 +1,5 @@
 """Everything found and answered is on disk before anything follows; an interrupted checklist goes on."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
@@ -9,7 +7,7 @@ import os
 import stat
 from dataclasses import replace
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from checklist_bench import DHCP, EVERY, FAILSAFE, HEAD, NAME, PING, SKIPPED, USBL, WIFI, Desk, answer, found, pages
@@ -21,9 +19,6 @@ from atlantis_netcfg.checklist.report import EvidenceType, Phase
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.journal import JournalFailed, SiteBusy
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.fixture

@@ -1,20 +1,13 @@
 """What was checked before, and what is otherwise since all was green."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, answer, found, pages
 
 from atlantis_netcfg.checklist import Scope, VehicleState, books, changes, last_green, verify
-from atlantis_netcfg.checklist.report import ItemFinding
+from atlantis_netcfg.checklist.report import Item, ItemChange, ItemFinding
 from atlantis_netcfg.core.events import Verdict
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist.report import Item, ItemChange
 
 SPARUS = Scope(vehicles=("sparus",))
 

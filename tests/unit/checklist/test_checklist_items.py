@@ -1,16 +1,24 @@
 """Items that the pilot declares: asked in their order, by whom and with what is declared, and green only when it is."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from checklist_bench import HEAD, Clock, pages
 
-from atlantis_netcfg.checklist import Answers, AnswersInvalid, Book, Confirmation, Scope, SigningRefused, plan, report
+from atlantis_netcfg.checklist import (
+    Answers,
+    AnswersInvalid,
+    Book,
+    Checklist,
+    Confirmation,
+    Scope,
+    SigningRefused,
+    plan,
+    report,
+)
 from atlantis_netcfg.checklist.probes import CommandResult, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.items import ExpectedLine
 from atlantis_netcfg.checklist.probes.step import Place
@@ -19,11 +27,6 @@ from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import ChecklistSettings, Role, VehicleChecklist
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.checklist import Checklist
 
 ROOT = Path(__file__).parents[3]
 NAME = "A. Technician"

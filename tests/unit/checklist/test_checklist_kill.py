@@ -1,19 +1,14 @@
 """Killed at any moment, a checklist loses nothing that was said to be written, and is open or signed, never between."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from checklist_bench import FAILSAFE, NAME, WIFI, Desk, answer, pages
 
 from atlantis_netcfg.checklist import Confirmation, VehicleState, books, verify
 from atlantis_netcfg.core.events import Verdict
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _TOUCHES = ("open", "os.rename", "os.mkdir", "os.remove", "os.link", "os.truncate")
 """Audit events after which the disk is another one; writes are counted by themselves."""

@@ -1,11 +1,9 @@
 """The list is Table 3, whole: no X of it drops out, whatever is declared, and whatever a column has to say."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 import pytest
@@ -16,11 +14,8 @@ from atlantis_netcfg.checklist import Answers, Checklist, Scope, plan
 from atlantis_netcfg.checklist.probes import registry
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Column, Endpoints
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 ROOT = Path(__file__).parents[3]
 ANSWERS = ROOT / "tests" / "data" / "answers" / "coastal.yml"
@@ -46,11 +41,6 @@ def _written(path: Path) -> Cells:
         name, *cells = (cell.strip() for cell in row.strip("|").split("|"))
         table[name] = {title: cell == "x" for title, cell in zip(titles, cells, strict=True)}
     return table
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +152,6 @@ def test_ids_are_unlike_each_other(coastal: Checklist) -> None:
 
 
 def _thinned(declaration: Declaration, gone: dict[str, set[str]]) -> Declaration:
-    """Without some endpoints of some vehicles."""
     thin = {}
     for key, vehicle in declaration.vehicles.items():
         nothing = dict.fromkeys(gone.get(key, set()))

@@ -1,13 +1,12 @@
 """Whatever of a signed checklist is changed afterwards, it is found, and the file is named."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
+from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from checklist_bench import DHCP, FAILSAFE, NAME, WIFI, Desk, answer, found, pages
@@ -17,9 +16,6 @@ from atlantis_netcfg.checklist._signing import SigningKey, canonical, digest, pa
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.journal import write_atomically
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 @pytest.fixture

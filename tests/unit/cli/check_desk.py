@@ -1,36 +1,37 @@
 """A checklist of a few items, answered at a desk whose person is a script."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist import Book, BookHead, Checklist, PlanEntry, Scope
-from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Listen, Place, Probe, Step, Transcript
+from atlantis_netcfg.checklist.probes import (
+    Answer,
+    Cell,
+    Consent,
+    Judged,
+    Listen,
+    Place,
+    Probe,
+    Question,
+    Step,
+    Transcript,
+)
 from atlantis_netcfg.checklist.report import Drawing, Item, ItemKind, Phase, Row
-from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Prompt, shown
+from atlantis_netcfg.checklist.runner import OnAnswer
+from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Price, Prompt, shown
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.declaration import load
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
-    from atlantis_netcfg.checklist.runner import OnAnswer
-    from atlantis_netcfg.cli._checklist_workflow import Price
-    from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.declaration import Declaration, load
 
 NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
 
 
 @cache
 def pilot() -> Declaration:
-    """The shipped one, read once."""
     return load(checkout() / "inventory")
 
 
@@ -124,8 +125,6 @@ class Hung(Exception):
 
 @dataclass
 class Sitting:
-    """A book, a desk and what is said there."""
-
     folder: Path
     typed: Sequence[str]
     entries: tuple[PlanEntry, ...] = (RADIO, LAMP, PING)
@@ -174,5 +173,4 @@ class Sitting:
 
     @property
     def words_said(self) -> str:
-        """The text, wherever its lines are broken."""
         return " ".join(self.text.split())

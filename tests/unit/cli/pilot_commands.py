@@ -1,18 +1,13 @@
 """Commands that stand in for the real ones where the frame itself is tested."""
 
-from __future__ import annotations
-
 import sys
+from collections.abc import Callable
 from types import ModuleType
-from typing import TYPE_CHECKING
+
+import pytest
 
 from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import pytest
 
 RUN = CommandSpec(
     "run",

@@ -1,22 +1,15 @@
 """A checklist without a person: everything that needs none is looked at together, and a file speaks for the people."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from check_desk import LAMP, PING, RADIO, Sitting, checklist
 
 from atlantis_netcfg.bearers.cost import CostRefused
-from atlantis_netcfg.checklist import Answers
+from atlantis_netcfg.checklist import Answers, PlanEntry
+from atlantis_netcfg.checklist.report import Item
 from atlantis_netcfg.cli._checklist_workflow import Price
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist import PlanEntry
-    from atlantis_netcfg.checklist.report import Item
 
 WELL = "PASS hears the boat"
 ANSWERS = """\

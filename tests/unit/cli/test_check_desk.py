@@ -1,23 +1,17 @@
 """What a person at the desk of a checklist is asked, word by word, and what becomes of the answers."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from check_desk import LAMP, PING, RADIO, Sitting, entry
 
 from atlantis_netcfg.bearers.cost import CostRefused
+from atlantis_netcfg.checklist import PlanEntry
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted, doubt_of_name
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist import PlanEntry
 
 WELL = "PASS hears the boat"
 

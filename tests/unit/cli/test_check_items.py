@@ -1,24 +1,17 @@
 """Items that the pilot declares, at a terminal: what is shown, what is asked for, and who may answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from check_desk import LAMP, Sitting, entry, pilot
 
-from atlantis_netcfg.checklist import Scope, plan
+from atlantis_netcfg.checklist import PlanEntry, Scope, plan
 from atlantis_netcfg.checklist.probes.step import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.cli._checklist_workflow import PromptAborted
 from atlantis_netcfg.core import language
 from atlantis_netcfg.declaration.model import EvidenceKind
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist import PlanEntry
 
 NUMBER = EvidenceRequest(EvidenceKind.NUMBER, "V", 14.8, 16.8)
 

@@ -1,23 +1,17 @@
 """Whatever a person at the desk of a checklist sees passes the catalogue once; answers are kept as typed."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from check_desk import LAMP, PING, RADIO, Sitting
 from checklist_marks import marked, rest_of, without_marks
 
 from atlantis_netcfg.bearers.cost import CostRefused
+from atlantis_netcfg.checklist import PlanEntry
 from atlantis_netcfg.cli._checklist_session import greet
 from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist import PlanEntry
 
 WORDS = {"sparus/wifi": ["FAIL silent", "FAIL silent"], "sparus/usbl/ping": ["PASS answers"]}
 VALUES = """

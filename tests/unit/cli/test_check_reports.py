@@ -1,20 +1,15 @@
 """`provision report verify`, `list` and `show` on checklists that were signed, tampered with, or left open."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from check_desk import LAMP, RADIO, Sitting
 
+from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.cli import main
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from atlantis_netcfg.checklist.report import Document
 
 WELL = "PASS hears the boat"
 
@@ -31,7 +26,6 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def signed(state: Path, *, heard: str = WELL, real: bool = True) -> Path:
-    """The folder of a checklist that somebody has signed."""
     folder = state / ("real" if real else "rehearsal") / "coastal"
     sitting = Sitting(folder, ["on"] if heard.startswith("FAIL") else [], (RADIO,), {"sparus/wifi": [heard]})
     with sitting.book() as book:

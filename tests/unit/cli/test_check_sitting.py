@@ -1,10 +1,10 @@
 """`provision check` from its words to its end, with devices of which none answers."""
 
-from __future__ import annotations
-
 import json
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -12,7 +12,9 @@ import pytest
 from check_desk import pilot
 
 from atlantis_netcfg.checklist import plan, report
+from atlantis_netcfg.checklist.probes import Answer, Place, Question
 from atlantis_netcfg.checklist.report import Document
+from atlantis_netcfg.checklist.runner import OnAnswer
 from atlantis_netcfg.checklist.runner.results import unanswered
 from atlantis_netcfg.cli import _checklist_session, _session, main
 from atlantis_netcfg.cli._arguments import parse
@@ -21,11 +23,6 @@ from atlantis_netcfg.cli._checklist_workflow import Listening, Prompt, price_of
 from atlantis_netcfg.cli.checklist import CHECK
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.checklist.probes import Answer, Place, Question
-    from atlantis_netcfg.checklist.runner import OnAnswer
     from atlantis_netcfg.cli._session import CommandSession
 
 ROV = ("site=coastal", "vehicle=eca-rov", "--rehearse")
@@ -41,8 +38,6 @@ sign: true
 
 
 class NobodyThere:
-    """Of no place is anything known."""
-
     def __init__(self) -> None:
         self.asked: list[str] = []
 
@@ -58,8 +53,6 @@ class NobodyThere:
 
 
 class Twins:
-    """Stand in for a rehearsal's."""
-
     not_rehearsed = ("everything",)
     targets: Mapping[str, Any] = {}
 
@@ -150,8 +143,7 @@ def test_without_a_terminal_people_are_told_how_to_go_on(capsys: pytest.CaptureF
 @pytest.mark.usefixtures("ears")
 def test_a_file_of_answers_ends_with_a_signature(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "answers.yml").write_text(ANSWERS)
-    found = told(capsys, *ROV, "--answers", "answers.yml", code=0)
-    assert found["signed"]["by"] == "A. Technician"
+    assert told(capsys, *ROV, "--answers", "answers.yml", code=0)["signed"]["by"] == "A. Technician"
     assert main(["report", "verify", "site=coastal"]) == 0
     (report_file,) = (tmp_path / "state").rglob("report.json")
     report_file.write_bytes(report_file.read_bytes().replace(b"40 m", b"400 m"))

@@ -1,17 +1,12 @@
 """What `provision adopt` refuses before it contacts anything."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.adopt import _from
 from atlantis_netcfg.core.errors import UsageError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SITE = ("adopt", "site=scc", "device=scc-router")
 

@@ -1,11 +1,10 @@
 """What Tab offers in a line, and that it answers quickly and silently whatever is wrong."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from pilot_commands import Table, done
@@ -15,10 +14,6 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS
 from atlantis_netcfg.cli.shell._suggestions import candidates
 from atlantis_netcfg.journal import RunStarted, Store
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 PROGRAM = (sys.executable, "-P", "-m", "atlantis_netcfg")
 COASTAL = ["coastal-router", "coastal-cpe", "coastal-4g", "coastal-sat", "coastal-gateway"]

@@ -1,17 +1,13 @@
 """`provision dds`: files written whole and once, printed, or told as JSON."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pytest
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    import pytest
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 LINE = ["dds", "site=coastal", "host=coastal-gateway", f"inventory={SHIPPED}"]

@@ -1,7 +1,5 @@
 """Every way in which a command line can end."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -9,22 +7,18 @@ import re
 import subprocess
 import sys
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from pilot_commands import Table, done
 from waiting import HANG_S
 
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli._arguments import Arguments
 from atlantis_netcfg.cli._output import _reminder, progress
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Event, Stage
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from atlantis_netcfg.cli._arguments import Arguments
 
 LINE = ["site=coastal"]
 

@@ -1,20 +1,15 @@
 """`provision fit`: what is typed, what is printed, and how it ends."""
 
-from __future__ import annotations
-
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hints_said import advised, said
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 _TOPICS = (

@@ -1,7 +1,5 @@
 """Help is made from the declarations, complete, and light."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
@@ -49,8 +47,7 @@ def test_every_command_has_a_group_and_five_come_first(capsys: pytest.CaptureFix
     assert [name for name, group in groups.items() if group is Group.FIRST] == ["run", *FIRST[1:]]
     said = said_by(capsys, ["--help"])
     assert [title for title in re.findall(r"^(\S.*):$", said, re.MULTILINE) if title in TITLES] == TITLES
-    listed = re.findall(r"^  ([a-z]\S+(?: [a-z]+)?)  ", said, re.MULTILINE)
-    assert listed[: len(FIRST)] == FIRST
+    assert re.findall(r"^  ([a-z]\S+(?: [a-z]+)?)  ", said, re.MULTILINE)[: len(FIRST)] == FIRST
 
 
 FIRST = ["site=NAME", "links", "check", "drift", "runs"]
@@ -148,8 +145,7 @@ def test_help_imports_nothing_heavy(line: list[str]) -> None:
         "import sys; from atlantis_netcfg.cli import main; main(sys.argv[1:]); print(*sys.modules, file=sys.stderr)"
     )
     process = subprocess.run([sys.executable, "-c", source, *line], capture_output=True, text=True, check=True)
-    loaded = {module.partition(".")[0] for module in process.stderr.split()}
-    assert loaded.isdisjoint(HEAVY)
+    assert {module.partition(".")[0] for module in process.stderr.split()}.isdisjoint(HEAVY)
     assert "Usage:" in process.stdout
 
 

@@ -1,7 +1,5 @@
 """Command lines with mistakes, and every word that is said about them: golden/lines.txt reads like a console."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Commands that look at a site or put it back, with words that cannot be right: golden/*.txt read like a console."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

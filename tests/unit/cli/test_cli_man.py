@@ -1,7 +1,5 @@
 """The manual page is made from the same table as `--help`, and `man`, groff and mandoc have nothing against it."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -37,8 +35,7 @@ def run(program: str, *words: str, page: str) -> subprocess.CompletedProcess[str
 def test_man_shows_everything_in_eighty_columns(page: str) -> None:
     shown = run("man", "--warnings", "-l", "-", page=page)
     assert (shown.returncode, shown.stderr) == (0, "")
-    lines = shown.stdout.splitlines()
-    assert [line for line in lines if len(line) > 80] == []
+    assert [line for line in shown.stdout.splitlines() if len(line) > 80] == []
     text = " ".join(shown.stdout.split())
     for name in COMMANDS:
         command = load(name, COMMANDS).command
@@ -61,10 +58,8 @@ def test_groff_warns_of_nothing(page: str) -> None:
 
 def test_mandoc_finds_nothing(page: str) -> None:
     done = run("mandoc", "-Tlint", page=page)
-    found = [line for line in done.stdout.splitlines() if not line.endswith(ACCEPTED)]
-    assert found == []
-    broken = run("mandoc", "-Tlint", page=f"{page}\n.XX\n").stdout
-    assert "unknown macro" in broken
+    assert [line for line in done.stdout.splitlines() if not line.endswith(ACCEPTED)] == []
+    assert "unknown macro" in run("mandoc", "-Tlint", page=f"{page}\n.XX\n").stdout
 
 
 def test_what_is_copied_from_the_page_can_be_typed(page: str) -> None:

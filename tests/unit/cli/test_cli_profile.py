@@ -1,17 +1,12 @@
 """`--profile RUN`: there where emulated devices are started, and for rehearsals alone."""
 
-from __future__ import annotations
+from pathlib import Path
 
-from typing import TYPE_CHECKING
+import pytest
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import pytest
 
 _WITHOUT = {"adopt", "resume", "retrieve", "rollback", "survey"}
 """Their rehearsals go over the technician's cable, repeat an earlier one, hear another link at every place, or start no

@@ -1,7 +1,5 @@
 """`provision validate`: what it says, where it says it, and how it ends."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,8 +1,6 @@
 """Questions that end in yes or no: which answers they take, in both languages, and what agrees to nothing."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -11,9 +9,6 @@ from atlantis_netcfg.cli._consent import Declined, agreed, pays, removes, shown_
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.language import Language
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 
 class Typist:
@@ -36,13 +31,6 @@ class Typist:
 def spoken(request: pytest.FixtureRequest) -> Iterator[Language]:
     language.use(request.param)
     yield request.param
-    language.use(Language.ENGLISH)
-
-
-@pytest.fixture
-def portuguese() -> Iterator[None]:
-    language.use(Language.PORTUGUESE)
-    yield
     language.use(Language.ENGLISH)
 
 

@@ -1,12 +1,11 @@
 """What commands advise without a device is typed as it was printed; after a stop, the words fit the command."""
 
-from __future__ import annotations
-
 import json
 import shutil
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from check_desk import RADIO, Sitting
@@ -22,17 +21,11 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.report.run import RunReport
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
 ROOT = checkout() / "inventory"
 CHANGING = [name for name in COMMANDS if _commands.load(name, COMMANDS).command.changes]
 
 
 class Place:
-    """Somebody who types, with a state of their own."""
-
     def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         self.folder, self.capsys, self.monkeypatch = folder, capsys, monkeypatch
         self.state = folder / "state"
@@ -58,7 +51,6 @@ def at(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.M
 
 
 def kept(at: Place, *, sign: bool) -> Path:
-    """A checklist of this computer."""
     folder = at.state / "real" / "coastal"
     desk = Sitting(folder, [], (RADIO,), {"sparus/wifi": ["PASS hears the boat"]})
     with desk.book() as book:
@@ -102,8 +94,6 @@ def a_satellite_with_canaries(at: Place) -> str:
 
 
 def stopped_at_the_end(at: Place) -> str:
-    """Ctrl-C while the end of a run is printed."""
-
     def stop(*_: object) -> ExitCode:
         raise KeyboardInterrupt
 
@@ -227,7 +217,6 @@ def test_example_values_are_rehearsed(capsys: pytest.CaptureFixture[str], monkey
 
 @contextmanager
 def _no_twins(*_: object) -> Iterator[object]:
-    """In place of the emulated devices."""
     yield object()
 
 

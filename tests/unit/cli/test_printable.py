@@ -1,28 +1,24 @@
 """What is printed shows every character, and obeys none; JSON stays JSON."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys
 import unicodedata
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from impostor import HOSTILE, control_characters
 from pilot_commands import Table
 
 from atlantis_netcfg.cli import main, media
+from atlantis_netcfg.cli._arguments import Arguments
 from atlantis_netcfg.cli._output import progress
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.printable import Style, Styled
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.cli._arguments import Arguments
 
 EVERY = "".join(map(chr, range(0x3000))) + "\ud83e\udd16\ufeff\ufff9\U000e0041"
 
@@ -93,8 +89,6 @@ def test_a_question_shows_what_a_card_calls_itself(monkeypatch: pytest.MonkeyPat
 
 
 class Screen(io.StringIO):
-    """A terminal that keeps what is drawn on it."""
-
     def isatty(self) -> bool:
         return True
 
@@ -123,8 +117,7 @@ def test_a_line_is_broken_between_words_and_loses_none() -> None:
         assert all(len(line) <= width and line == line.rstrip() for line in lines)
         assert all(line.startswith(" " * 21) for line in lines[1:])
     pieces = [piece for line in printable.wrapped(row, 40, 21) if isinstance(line, tuple) for piece in line]
-    styles = {piece.style for piece in pieces if isinstance(piece, Styled)}
-    assert styles == {Style.GOOD}
+    assert {piece.style for piece in pieces if isinstance(piece, Styled)} == {Style.GOOD}
 
 
 def test_a_word_that_is_longer_than_the_line_stays_whole() -> None:

@@ -1,8 +1,6 @@
 """Runs that are repeated, not resumed."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -10,9 +8,6 @@ from atlantis_netcfg.cli._output import as_typed
 from atlantis_netcfg.cli.recovery.resume import _refuse_others, _refuse_settled
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.journal import Outcome, Purpose, Run, RunResumed, RunStarted, Store
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def broken(state: Path, command: str, purpose: Purpose) -> Run:

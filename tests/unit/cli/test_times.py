@@ -1,7 +1,5 @@
 """Times for a person: the pilot's zone beside UTC, on both sides of the hour that is there twice or never."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta, timezone
 
 import pytest

@@ -3,21 +3,16 @@
 It is written from the manual's transcripts and repaints its prompt as a device does; the twin is the other counterpart.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import threading
 import tty
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from waiting import HANG_S
 
 from atlantis_netcfg.console.types import WireLost
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 ERROR = "\0"
 """Before an answer of the table: the line stops there."""

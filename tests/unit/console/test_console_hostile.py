@@ -1,11 +1,9 @@
 """A console, or a computer at the other end of SSH, that sends without an end or never ends a command."""
 
-from __future__ import annotations
-
 import socket
 import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
 
 import paramiko
 import pytest
@@ -16,9 +14,6 @@ from atlantis_netcfg.console.ssh import fingerprint, host_key_of, open_commands
 from atlantis_netcfg.console.terminal import MOST, TerminalScreen
 from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.secret import Secret
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 KEY = paramiko.ECDSAKey.generate()
 
@@ -44,8 +39,6 @@ def test_a_screen_counts_what_came_since_it_was_cleared() -> None:
 
 
 class Server(paramiko.ServerInterface):
-    """Lets everybody in."""
-
     def check_auth_password(self, username: str, password: str) -> int:  # noqa: ARG002
         return AUTH_SUCCESSFUL
 

@@ -1,7 +1,5 @@
 """The terminal: repainted lines, escapes in pieces, questions asked back."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest

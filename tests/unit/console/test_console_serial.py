@@ -1,8 +1,6 @@
 """Logging in over a serial line, whatever the last session has left there."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from desk import Desk, DeskLine
@@ -10,9 +8,6 @@ from desk import Desk, DeskLine
 from atlantis_netcfg.console.terminal import open_serial
 from atlantis_netcfg.console.types import ConsoleUnreachable, LoginFailed
 from atlantis_netcfg.core.secret import Secret
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 WORD = "sticker"
 

@@ -1,11 +1,11 @@
 """The console over SSH against a router twin: trust before the password, and files."""
 
-from __future__ import annotations
-
 import logging
 import subprocess
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,10 +13,6 @@ from atlantis_netcfg.console.ssh import open_ssh, upload
 from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable, HostKeyChanged, LoginFailed, UnknownHostKey
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 WORD = Secret("pa$$ \"w\\ord'")
 

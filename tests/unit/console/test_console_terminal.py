@@ -1,7 +1,5 @@
 """The dialogue with a console: what succeeded, what was refused, what was printed."""
 
-from __future__ import annotations
-
 import pytest
 from desk import ERROR, Desk, DeskWire
 

@@ -1,19 +1,12 @@
 """The shipped pilot, and what a profile says when it is read as XML."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.gateway.dds import profile_views, profiles
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Dds
-    from atlantis_netcfg.gateway.dds import ProfileView
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration.model import Dds
+from atlantis_netcfg.gateway.dds import ProfileView, profile_views, profiles
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 

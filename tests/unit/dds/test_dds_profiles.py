@@ -1,7 +1,5 @@
 """Profiles say what is declared, each in the words of its version."""
 
-from __future__ import annotations
-
 from ipaddress import IPv4Address
 
 import pytest
@@ -115,8 +113,7 @@ def test_the_environment(release: str, kept_open: str) -> None:
 @pytest.mark.parametrize("kind", BearerKind)
 @pytest.mark.parametrize("lease_s", [120, 180])
 def test_every_lease_outlives_the_gap_with_an_announcement_lost(kind: BearerKind, lease_s: int) -> None:
-    shortest = Dds(distribution=RosDistribution.FOXY).lease_s
-    assert shortest <= lease_s
+    assert Dds(distribution=RosDistribution.FOXY).lease_s <= lease_s
     assert GAP_S + 2 * TUNING[kind.traits.pace].announce_s < lease_s
 
 

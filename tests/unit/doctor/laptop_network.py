@@ -1,17 +1,13 @@
 """A laptop's network as iproute2 prints it, and the place of a router, for the cases of `provision doctor`."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from atlantis_netcfg.operations.doctor import DoctorItem
 from atlantis_netcfg.operations.doctor.network import CardFacts, IpPrints, NetworkFacts, facts_of
 from atlantis_netcfg.operations.doctor.way import RouterPlace
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.operations.doctor import DoctorItem
 
 PLACE = RouterPlace(
     site="coastal",
@@ -68,7 +64,6 @@ def addresses(plugs: tuple[Plug, ...]) -> str:
 
 
 def route(target: str, port: str, gateway: str | None = None, source: str | None = None) -> dict[str, Any]:
-    """A row of a routing table."""
     row: dict[str, Any] = {"dst": target, "dev": port, "gateway": gateway, "prefsrc": source, "flags": []}
     return {name: value for name, value in row.items() if value is not None}
 

@@ -1,11 +1,10 @@
 """`provision doctor`: its screen, its exit codes, and that what it advises can be typed."""
 
-from __future__ import annotations
-
 import json
 import shutil
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hints_said import advised
@@ -20,10 +19,6 @@ from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.operations import doctor
 from atlantis_netcfg.operations.doctor import Diagnosis, DoctorItem, DoctorSection
 from atlantis_netcfg.operations.doctor.network import NetworkUnreadable
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 WELL = DoctorItem(DoctorSection.CLOCK, "time", Verdict.PASS, "right")
 
@@ -232,7 +227,6 @@ def test_example_values_are_rehearsed_next(capsys: pytest.CaptureFixture[str], m
 
 @contextmanager
 def _no_twins(*_: object) -> Iterator[object]:
-    """In place of the emulated devices."""
     yield object()
 
 

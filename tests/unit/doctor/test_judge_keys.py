@@ -1,12 +1,10 @@
 """What is said of a laptop's keys and passwords, its disk and its folders, in each state that can be told apart."""
 
-from __future__ import annotations
-
 import os
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from laptop_network import lines
@@ -16,9 +14,6 @@ from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.journal import Outcome, RunEnded, RunStarted, Store
 from atlantis_netcfg.operations.doctor import folders, keys
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 # --- keys ---------------------------------------------------------------------------------------------------------
 
@@ -189,8 +184,7 @@ def test_no_authority(tmp_path: Path) -> None:
     assert keys.authority_item(tmp_path / "vpn").verdict == "SKIP"
     (tmp_path / "vpn").mkdir()
     (tmp_path / "vpn" / "ledger.jsonl").write_text("damaged")
-    damaged = keys.authority_item(tmp_path / "vpn")
-    assert damaged.verdict == "WARN"
+    assert keys.authority_item(tmp_path / "vpn").verdict == "WARN"
 
 
 # --- folders ------------------------------------------------------------------------------------------------------

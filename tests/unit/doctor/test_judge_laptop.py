@@ -1,13 +1,11 @@
 """What is said of a laptop's software and clock, in each state that can be told apart."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import tomllib
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from cryptography import x509
@@ -20,9 +18,6 @@ from atlantis_netcfg.core import packages
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.doctor import clock, software
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 # --- software -----------------------------------------------------------------------------------------------------
 

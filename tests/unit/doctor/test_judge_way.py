@@ -1,11 +1,9 @@
 """The way to a router: each state of a laptop's network with everything that is said of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -13,10 +11,14 @@ from laptop_network import PLACE, Plug, lines, network, route
 from row_subtests import for_each_row
 
 from atlantis_netcfg.operations.doctor.network import IpPrints, NetworkUnreadable, facts_of, managed_of
-from atlantis_netcfg.operations.doctor.way import RouterAnswer, judge_ports, judge_router, judge_way, why_not_contacted
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.operations.doctor.way import RouterPlace
+from atlantis_netcfg.operations.doctor.way import (
+    RouterAnswer,
+    RouterPlace,
+    judge_ports,
+    judge_router,
+    judge_way,
+    why_not_contacted,
+)
 
 HERE = route("10.64.101.1", "eth0", source="10.64.101.10")
 CONNECTED = route("10.64.101.0/24", "eth0", source="10.64.101.10")

@@ -1,18 +1,13 @@
 """Devices as first contact finds them, as data."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import Any
 
 from atlantis_netcfg.bootstrap.steps import CLEARED, AdoptionTarget, BoxFacts
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.rsc import parse
-
-if TYPE_CHECKING:
-    from typing import Any
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 PORTS = tuple(f"ether{number}" for number in range(1, 9))

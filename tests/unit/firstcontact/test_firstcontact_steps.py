@@ -1,7 +1,5 @@
 """The steps of first contact, as a function of what is found."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
 

@@ -1,7 +1,5 @@
 """What a person is told, word for word: the golden files beside."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,11 +1,10 @@
 """A computer in a folder: files below it, and in place of `ip`, systemd and the three tools what they would do."""
 
-from __future__ import annotations
-
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from network_pilots import coast
@@ -22,9 +21,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ne
     ProgramEnd,
 )
 from atlantis_netcfg.gateway.parts import computer_network
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 PATHS = {
     "netplan": "/etc/netplan/10-atlantis.yaml",
@@ -80,7 +76,6 @@ class Box:
         }
 
     def step(self) -> None:
-        """A moment at which the process may be killed."""
         self.kill_at -= 1
         if self.kill_at == 0:
             raise Killed
@@ -249,13 +244,11 @@ def made(box: Box, by: str, **changes: Any) -> NetworkChange:  # noqa: ANN401
 
 
 def moved(by: str) -> dict[str, str]:
-    """Another address, which is wrong."""
     content = wish(by).content.replace("10.64.1.10/", "10.64.1.77/")
     return {"address": "10.64.1.77/24", "content": content}
 
 
 def settled(box: Box, by: str) -> dict[str, Any]:
-    """Bring it to what is declared."""
     change = made(box, by)
     name = change.stage()
     assert name is not None

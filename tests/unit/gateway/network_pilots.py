@@ -1,17 +1,11 @@
 """The shipped gateway of the coast, with a network of the test's own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, Host, load
 from atlantis_netcfg.declaration.model import AddressBy, ComputerNetwork, Gateway, NetworkTool
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration, Host
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 HOST = "coastal-gateway"

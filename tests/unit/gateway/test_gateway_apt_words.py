@@ -4,10 +4,7 @@ Every file of golden/apt was said in that situation, by apt 2.6.2 where its name
 Its first line tells how apt was asked and how it ended, then comes what it said, then what we make of it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from row_subtests import for_each_row
 
@@ -16,9 +13,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ap
     of_update,
     others,
 )
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 
 CASES = sorted((Path(__file__).parent / "golden" / "apt").glob("*.txt"))
 RELEASE = "https://archive.example.org/ros jammy InRelease"

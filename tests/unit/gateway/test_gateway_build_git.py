@@ -1,50 +1,36 @@
 """Fetching: from a real git server with a token, over links that break, and from a folder in place of all servers."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure, keep
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.emulator.lab.stubs.interop import (
-    LIBRARY,
-    MESSAGES,
-    GitServer,
-    InteropProjects,
-    make_interop,
-    serve_git,
-)
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
+from atlantis_netcfg.emulator.lab.stubs import interop
 
 TOKEN = "CANARY-of-the-library"
 HEADER = "c4i-asset-msgs/include/c4i_asset_msgs/stamped.hpp"
 
 
 @contextmanager
-def server(folder: Path, token: str | None = TOKEN) -> Iterator[GitServer]:
+def server(folder: Path, token: str | None = TOKEN) -> Iterator[interop.GitServer]:
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         listener.listen()
-        with serve_git(folder, listener, token) as made:
+        with interop.serve_git(folder, listener, token) as made:
             yield made
 
 
 @dataclass
 class Board:
-    """Where a gateway fetches to."""
-
-    projects: InteropProjects
-    git: GitServer
+    projects: interop.InteropProjects
+    git: interop.GitServer
     folder: Path
     said: list[str] = field(default_factory=list)
     pauses: list[float] = field(default_factory=list)
@@ -53,7 +39,7 @@ class Board:
 
     @property
     def url(self) -> str:
-        return f"{self.git.url}/{LIBRARY}.git"
+        return f"{self.git.url}/{interop.LIBRARY}.git"
 
     def fetch(
         self, revision: str, token: str | None = TOKEN, *, into: str = "library", seed: Path | None = None
@@ -81,7 +67,7 @@ class Board:
 @pytest.fixture
 def board(tmp_path: Path) -> Iterator[Board]:
     with server(tmp_path / "served") as git:
-        yield Board(make_interop(tmp_path / "served", "v1"), git, tmp_path)
+        yield Board(interop.make_interop(tmp_path / "served", "v1"), git, tmp_path)
 
 
 def test_tag_and_commit_come_with_their_submodule_and_without_history(board: Board) -> None:
@@ -98,7 +84,7 @@ def test_tag_and_commit_come_with_their_submodule_and_without_history(board: Boa
 
 def test_the_token_goes_to_its_own_server_only_and_is_written_nowhere(board: Board, tmp_path: Path) -> None:
     with server(tmp_path / "served", None) as other:
-        board.projects.release("v2", submodule_at=f"{other.url}/{MESSAGES}.git")
+        board.projects.release("v2", submodule_at=f"{other.url}/{interop.MESSAGES}.git")
         board.fetch("v2")
         assert other.requests
         assert not [one for one in other.requests if "with a token" in one]
@@ -120,10 +106,10 @@ def test_a_deploy_token_goes_with_its_name(board: Board) -> None:
 
 
 def test_a_submodule_by_ssh_on_the_same_server_is_read_with_the_token(board: Board) -> None:
-    board.projects.release("v2", submodule_at=f"git@127.0.0.1:{MESSAGES}.git")
+    board.projects.release("v2", submodule_at=f"git@127.0.0.1:{interop.MESSAGES}.git")
     board.fetch("v2")
     assert (board.folder / "library" / HEADER).is_file()
-    board.projects.release("v3", submodule_at=f"git@gitlab.example.org:{MESSAGES}.git")
+    board.projects.release("v3", submodule_at=f"git@gitlab.example.org:{interop.MESSAGES}.git")
     with pytest.raises(ModuleError, match=r"a submodule of .* is not at an https address"):
         board.fetch("v3", into="again")
 
@@ -188,7 +174,7 @@ def test_a_broken_link_is_tried_again(board: Board) -> None:
             board.pauses.append(pause)
             if len(board.pauses) == 2:
                 listener.listen()
-                later.enter_context(serve_git(board.projects.folder, listener, TOKEN))
+                later.enter_context(interop.serve_git(board.projects.folder, listener, TOKEN))
 
         board.sleep = back
         assert board.fetch("v1")

@@ -1,18 +1,13 @@
 """Building: the steps of the report with a colcon that is played here, and a look at what came of them."""
 
-from __future__ import annotations
-
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_make import Make
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_messages import CardFull
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MODULE = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_make"
 BUILDS = "mkdir -p install/package build log; echo 'export SOURCED=yes' >install/setup.sh"

@@ -1,30 +1,23 @@
 """Builds on a shelf: which inputs make another one, which one is complete, and which ones are kept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import (
-    BuildPlan,
-    Repository,
-    Shelf,
-)
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import build_plan
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
-PLAN = BuildPlan(
-    Repository("https://git.example.org/c4i/library.git", "v1.0.0"),
-    Repository("https://git.example.org/c4i/examples.git", COMMIT),
+PLAN = build_plan.BuildPlan(
+    build_plan.Repository("https://git.example.org/c4i/library.git", "v1.0.0"),
+    build_plan.Repository("https://git.example.org/c4i/examples.git", COMMIT),
     "/opt/ros/foxy/setup.sh",
     "9 aarch64-linux-gnu",
 )
 
 
-def made(shelf: Shelf, key: str) -> str:
-    """Put a complete build there."""
+def made(shelf: build_plan.Shelf, key: str) -> str:
     install = Path(shelf.at(key), "library", "install")
     install.mkdir(parents=True)
     (install / "setup.sh").touch()
@@ -35,27 +28,27 @@ def made(shelf: Shelf, key: str) -> str:
 @pytest.mark.parametrize(
     "other",
     [
-        replace(PLAN, library=Repository(PLAN.library.url, "v1.0.1")),
-        replace(PLAN, library=Repository("https://mirror.example.org/library.git", "v1.0.0")),
+        replace(PLAN, library=build_plan.Repository(PLAN.library.url, "v1.0.1")),
+        replace(PLAN, library=build_plan.Repository("https://mirror.example.org/library.git", "v1.0.0")),
         replace(PLAN, examples=None),
         replace(PLAN, ros_setup="/opt/ros/humble/setup.sh"),
         replace(PLAN, compiler="11 aarch64-linux-gnu"),
     ],
 )
-def test_whatever_changes_what_is_built_changes_the_key(other: BuildPlan) -> None:
+def test_whatever_changes_what_is_built_changes_the_key(other: build_plan.BuildPlan) -> None:
     assert other.key != PLAN.key
     assert len(PLAN.key) == 12
-    assert BuildPlan.of(PLAN.as_dict()).key == PLAN.key
+    assert build_plan.BuildPlan.of(PLAN.as_dict()).key == PLAN.key
 
 
 def test_a_commit_is_the_same_on_every_server() -> None:
-    moved = replace(PLAN, examples=Repository("https://mirror.example.org/examples.git", COMMIT))
+    moved = replace(PLAN, examples=build_plan.Repository("https://mirror.example.org/examples.git", COMMIT))
     assert moved.key == PLAN.key
     assert PLAN.words == "library v1.0.0 and examples 0123456789ab"
 
 
 def test_the_build_in_use_and_the_one_before_it_are_kept(tmp_path: Path) -> None:
-    shelf = Shelf(str(tmp_path))
+    shelf = build_plan.Shelf(str(tmp_path))
     for key in ("one", "two", "three"):
         shelf.use(made(shelf, key))
     assert (shelf.linked("current"), shelf.linked("previous")) == ("three", "two")
@@ -70,7 +63,7 @@ def test_the_build_in_use_and_the_one_before_it_are_kept(tmp_path: Path) -> None
 
 
 def test_a_build_without_its_marker_is_none(tmp_path: Path) -> None:
-    shelf = Shelf(str(tmp_path))
+    shelf = build_plan.Shelf(str(tmp_path))
     made(shelf, "one")
     marker = tmp_path / "builds/one/build.json"
     whole = marker.read_text()
@@ -84,7 +77,7 @@ def test_a_build_without_its_marker_is_none(tmp_path: Path) -> None:
 
 
 def test_a_cut_between_the_links_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shelf = Shelf(str(tmp_path))
+    shelf = build_plan.Shelf(str(tmp_path))
     shelf.use(made(shelf, "one"))
     made(shelf, "two")
     link = shelf._link
@@ -104,7 +97,7 @@ def test_a_cut_between_the_links_loses_nothing(tmp_path: Path, monkeypatch: pyte
 
 
 def test_half_a_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shelf = Shelf(str(tmp_path))
+    shelf = build_plan.Shelf(str(tmp_path))
     made(shelf, "one")
 
     def cut(*_: object) -> None:
@@ -121,14 +114,14 @@ def test_half_a_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_a_folder_in_the_place_of_a_link_is_left_alone(tmp_path: Path) -> None:
-    shelf = Shelf(str(tmp_path))
+    shelf = build_plan.Shelf(str(tmp_path))
     (tmp_path / "current").mkdir()
     with pytest.raises(ModuleError, match="has to be a link"):
         shelf.use(made(shelf, "one"))
 
 
 def test_tags_are_kept_and_damage_to_them_is_survived(tmp_path: Path) -> None:
-    shelf = Shelf(str(tmp_path))
+    shelf = build_plan.Shelf(str(tmp_path))
     shelf.note_tags(PLAN, {"library": "a" * 40, "examples": COMMIT})
     assert shelf.tags() == {PLAN.library.url: {"v1.0.0": "a" * 40}}
     (tmp_path / "tags.json").write_text("{")

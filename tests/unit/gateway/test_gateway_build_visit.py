@@ -1,7 +1,5 @@
 """One visit to a gateway: a build is started, joined, taken into use, or its failure told; systemd is played here."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from dataclasses import dataclass, field
@@ -10,11 +8,7 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import (
-    BuildPlan,
-    Repository,
-    Shelf,
-)
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import build_plan
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_start import Build, BuildFolders
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
@@ -37,8 +31,8 @@ class Gateway:
         return BuildFolders(*(str(self.folder / name) for name in ("prefix", "memory", "logs")))
 
     @property
-    def shelf(self) -> Shelf:
-        return Shelf(self.places.prefix)
+    def shelf(self) -> build_plan.Shelf:
+        return build_plan.Shelf(self.places.prefix)
 
     def run(self, argv: list[str]) -> Done:
         self.commands.append(argv)
@@ -57,10 +51,10 @@ class Gateway:
     ) -> tuple[dict[str, Any], Build]:
         setup = self.folder / "setup.sh"
         setup.touch()
-        library = Repository(URL, revision)
+        library = build_plan.Repository(URL, revision)
         build = Build(
             library,
-            Repository(URL.replace("library", "examples"), revision) if examples else None,
+            build_plan.Repository(URL.replace("library", "examples"), revision) if examples else None,
             {"library": TOKEN},
             str(setup),
             None,
@@ -72,7 +66,6 @@ class Gateway:
         return build.visit(started), build
 
     def complete(self, told: dict[str, Any], notes: tuple[str, ...] = ()) -> None:
-        """The unit has done its work."""
         install = Path(self.shelf.at(told["key"]), "library", "install")
         install.mkdir(parents=True)
         (install / "setup.sh").touch()
@@ -80,7 +73,6 @@ class Gateway:
         self.running.discard(told["unit"])
 
     def end(self, told: dict[str, Any], outcome: dict[str, Any] | None) -> None:
-        """The unit has ended without."""
         self.running.discard(told["unit"])
         if outcome is not None:
             Path(self.places.outcome(told["key"])).write_text(json.dumps({"run": told["run"], **outcome}))
@@ -194,5 +186,7 @@ def test_what_is_missing_is_named(gateway: Gateway, tmp_path: Path) -> None:
 
 def test_the_key_is_that_of_the_plan(gateway: Gateway) -> None:
     told, _ = gateway.visit(check=True)
-    plan = BuildPlan(Repository(URL, "v1"), None, str(gateway.folder / "setup.sh"), "12 x86_64-linux-gnu")
+    plan = build_plan.BuildPlan(
+        build_plan.Repository(URL, "v1"), None, str(gateway.folder / "setup.sh"), "12 x86_64-linux-gnu"
+    )
     assert told["key"] == plan.key

@@ -1,7 +1,5 @@
 """What git, cmake and compilers say, in words for a technician; and how many compilers a small memory takes."""
 
-from __future__ import annotations
-
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_make import jobs_within

@@ -1,23 +1,17 @@
 """The part `gateway_dds` of the shipped pilot, and of pilots that differ from it in one thing."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Dds, RosDistribution
 from atlantis_netcfg.gateway.dds import LOGIN, GatewayDds, gateway_dds
 from atlantis_netcfg.gateway.services import ENVIRONMENT
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

@@ -1,32 +1,23 @@
 """Settings that would keep ROS 2 on its own computer are found where people and systems put them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_conflicts import (
-    Setting,
-    contradicting,
-    note,
-)
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules import env_conflicts
 
 NAME = "ROS_LOCALHOST_ONLY"
 PASSWD = "root:x:0:0:root:/root:/bin/bash\nodroid:x:1000:1000::/home/odroid:/bin/sh\nnobody:x:1:1::/:/bin/false\n"
 OURS = "/etc/profile.d/atlantis-rosenv.sh"
 
 
-def found(root: Path, path: str, text: str) -> list[Setting]:
+def found(root: Path, path: str, text: str) -> list[env_conflicts.Setting]:
     for name, content in {"/etc/passwd": PASSWD, path: text}.items():
         place = root / name[1:]
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text(content)
-    return contradicting(FileSystem(str(root)), {NAME: "0"}, frozenset({OURS}))
+    return env_conflicts.contradicting(FileSystem(str(root)), {NAME: "0"}, frozenset({OURS}))
 
 
 @pytest.mark.parametrize(
@@ -46,7 +37,7 @@ def found(root: Path, path: str, text: str) -> list[Setting]:
     ],
 )
 def test_a_setting_is_found_wherever_it_stands(path: str, line: str, tmp_path: Path) -> None:
-    assert found(tmp_path, path, f"# about\n{line}\n") == [Setting(path, 2, NAME, "1")]
+    assert found(tmp_path, path, f"# about\n{line}\n") == [env_conflicts.Setting(path, 2, NAME, "1")]
 
 
 @pytest.mark.parametrize(
@@ -67,10 +58,10 @@ def test_what_sets_nothing_else_is_not_told(path: str, line: str, tmp_path: Path
 def test_without_a_variable_nothing_is_looked_for(tmp_path: Path) -> None:
     (tmp_path / "etc").mkdir()
     (tmp_path / "etc" / "profile").write_text('if [ "$1" = x ]; then :; fi\n')
-    assert contradicting(FileSystem(str(tmp_path)), {}, frozenset()) == []
+    assert env_conflicts.contradicting(FileSystem(str(tmp_path)), {}, frozenset()) == []
 
 
 def test_a_note_says_where_what_and_what_to_do() -> None:
-    assert note(Setting("/etc/environment", 3, NAME, "1"), "ROS 2 stays at home") == (
+    assert env_conflicts.note(env_conflicts.Setting("/etc/environment", 3, NAME, "1"), "ROS 2 stays at home") == (
         "line 3 of /etc/environment sets ROS_LOCALHOST_ONLY=1: ROS 2 stays at home; take that line out, and log in anew"
     )

@@ -1,7 +1,5 @@
 """What a role has found amiss on a gateway, and could not mend, stops nothing; no run that ends with it is green."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

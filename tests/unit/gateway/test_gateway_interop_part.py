@@ -1,24 +1,19 @@
 """The part `gateway_interop` of the shipped pilot, and of pilots that differ from it in one thing."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import os
 import subprocess
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import InteropService
 from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.interop import SERVICE, gateway_interop
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

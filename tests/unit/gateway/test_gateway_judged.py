@@ -1,11 +1,9 @@
 """Judgements of the gateway suite that no machine can bring about: a clock that is off, builds, versions."""
 
-from __future__ import annotations
-
 import json
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -13,9 +11,6 @@ from atlantis_netcfg.declaration import load
 from checks import test_gateways as suite
 from checks.gateway_promises import BUILT, FileThere, Promises, UnitThere
 from checks.gateway_reached import Answers, NotReached, ask
-
-if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
 
 ROOT = Path(__file__).parents[3]
 

@@ -1,7 +1,5 @@
 """The interface of the LAN in the language of each tool, as a technician would write it by hand."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,22 +1,17 @@
 """The reader of public keys, held to what gpg says of the same files."""
 
-from __future__ import annotations
-
 import base64
 import subprocess
+from collections.abc import Iterable
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from row_subtests import for_each_row
 
 from atlantis_netcfg.emulator.lab.stubs import publish
 from atlantis_netcfg.gateway.openpgp import NotAKey, PublicKey, binary, public_keys
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 KEYRINGS = sorted(Path("/usr/share/keyrings").glob("debian-archive-*.gpg"))
 

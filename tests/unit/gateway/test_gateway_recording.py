@@ -1,31 +1,25 @@
 """The recording of a gateway: what is laid down, and a folder that keeps within its budget while something writes."""
 
-from __future__ import annotations
-
 import os
 import signal
 import stat
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Gateway, Recording
 from atlantis_netcfg.emulator.lab.stubs import publish, ros_packages
 from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.recording import SERVICE, packages, recording
 from atlantis_netcfg.gateway.ros2 import ArchiveKey, StandIn, gateway_ros2
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 PROGRAM = ROOT / "templates/gateway/recording.py"
@@ -90,7 +84,6 @@ class Recorder:
 
     @property
     def held(self) -> int:
-        """Bytes in the folder now."""
         total = 0
         for path in self.bags.rglob("*"):
             try:

@@ -1,23 +1,18 @@
 """The part `gateway_ros2` of the shipped pilot, and of pilots that differ from it in one thing."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Dds, Gateways, Ros2, RosDistribution, RosMiddleware, RosOrigin
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, publish
 from atlantis_netcfg.gateway.ros2 import RELEASES, ArchiveKey, GatewayRos2, StandIn, archive_key, gateway_ros2
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"
@@ -109,8 +104,7 @@ def test_what_keeps_the_test_on_the_board_is_nowhere_else(inventory: Path) -> No
 
 def test_the_test_is_repeated_when_a_package_is_another(inventory: Path) -> None:
     told = part(inventory, {**SNAPSHOT, "packages": ["ros-foxy-nav-msgs"]}).as_dict()
-    step = talker(told)
-    assert "/var/lib/dpkg/info/ros-foxy-nav-msgs.md5sums" in step["after"]
+    assert "/var/lib/dpkg/info/ros-foxy-nav-msgs.md5sums" in talker(told)["after"]
 
 
 def test_a_snapshot_of_a_release_that_has_not_ended_needs_its_date(inventory: Path) -> None:

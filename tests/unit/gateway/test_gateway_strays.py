@@ -1,9 +1,8 @@
 """Folders that are ours alone hold what is declared, and nothing that an earlier declaration has left."""
 
-from __future__ import annotations
-
 import os
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,9 +11,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.de
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 FOLDER = "/etc/ours"
 KEPT = {"path": f"{FOLDER}/4g/a.xml", "content": "a", "owner": str(os.geteuid()), "group": str(os.getegid())}

@@ -1,9 +1,7 @@
 """The connection test says no more than can be seen from the gateway."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -11,9 +9,6 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.er
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.connection_test import SmokeTest
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 ADDRESS = Done(0, "3: tun0    inet 10.80.0.10/16 scope global tun0")
 TRIAL = SmokeTest("/b/example-robot", "/b/c.yml", "/interop.sh", "/ros.env", "/b/build.json", "someone", "tun0", 15)

@@ -2,8 +2,6 @@
 
 # ruff: noqa: F401, F811 - `box` is a fixture
 
-from __future__ import annotations
-
 import errno
 import json
 from typing import Any
@@ -285,7 +283,6 @@ def test_what_is_kept_can_be_read_by_root_only(box: Box) -> None:
 
 
 def full(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
-    """No room for one file."""
     write = NetworkComputer.write
 
     def refuse(self: NetworkComputer, name: str, *words: Any) -> None:  # noqa: ANN401

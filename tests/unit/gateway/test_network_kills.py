@@ -2,9 +2,8 @@
 
 # ruff: noqa: F401, F811 - `box` is a fixture
 
-from __future__ import annotations
-
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -12,9 +11,6 @@ from network_box import PATHS, Box, Killed, box, made, moved, settled, wish
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import network_guard
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import FOLDER
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 pytestmark = pytest.mark.parametrize("by", list(PATHS))
 CALLS = ("replace", "unlink", "mkdir", "symlink", "fchmod")

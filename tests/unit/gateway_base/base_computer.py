@@ -1,21 +1,17 @@
 """A computer in a folder, with a systemd that remembers what it loaded."""
 
-from __future__ import annotations
-
 import os
 import stat
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.configure import Configure
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import DesiredState
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import run as really_run
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
 
 ME = {"owner": str(os.geteuid()), "group": str(os.getegid())}
 

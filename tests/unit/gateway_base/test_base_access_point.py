@@ -1,14 +1,12 @@
 """Part `gateway_base`: the access point that a gateway opens by hostapd, read by the real program."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import shutil
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import HANG_S
@@ -16,9 +14,6 @@ from waiting import HANG_S
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import DesiredState
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 ROOT = Path(__file__).parents[3]
 GATEWAY = "coastal-gateway"
@@ -38,7 +33,6 @@ DECLARED = {
 
 
 def part(tmp_path: Path, changes: Mapping[str, str] | None = None, *, rehearsed: bool = False) -> GatewayBase:
-    """The shipped inventory whose gateway opens a network."""
     made = tmp_path / "inventory"
     shutil.copytree(ROOT / "inventory", made)
     path = made / "host_vars" / f"{GATEWAY}.yml"

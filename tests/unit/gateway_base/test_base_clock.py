@@ -1,7 +1,5 @@
 """Module `clock`: a clock that is years off is set, one that follows a better one never is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import pytest

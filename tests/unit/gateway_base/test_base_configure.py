@@ -1,12 +1,11 @@
 """Module `configure`: files, steps and units become what is declared, and the second run finds nothing to do."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os
 import re
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from base_computer import ME, Computer, FakeUnit
@@ -14,9 +13,6 @@ from base_computer import ME, Computer, FakeUnit
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.configure import Module
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CONF = "/etc/daemon/daemon.conf"
 GOOD = ["sh", "-c", 'grep -q good "$1" || { echo "$1: line 1: bad"; exit 3; }', "sh", "%s"]
@@ -142,8 +138,7 @@ def test_what_is_in_the_way_is_refused_and_nothing_changed(computer: Computer, t
     for check in (True, False):
         with pytest.raises(ModuleError, match=re.escape(said)):
             computer.converge(check=check, **{"links": [{"path": "/z/z", "target": "z"}], **told})
-    after = [path for path in sorted(computer.root.rglob("*")) if "run" not in path.parts]
-    assert after == before
+    assert [path for path in sorted(computer.root.rglob("*")) if "run" not in path.parts] == before
 
 
 def test_nothing_is_changed_when_one_file_is_not_accepted(computer: Computer) -> None:

@@ -1,23 +1,18 @@
 """Containers of services and the bridge to ROS 1: what is laid down, and that no registry is ever meant."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import HostedService, Ros1Bridge, ServerComputer
-from atlantis_netcfg.gateway.base import gateway_base
+from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
 from atlantis_netcfg.gateway.containers import PACKAGES, within_budget
 from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.services import BRIDGE
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.gateway.base import GatewayBase
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 CENTRE = "scc-control"
@@ -30,7 +25,6 @@ TOPICS = [
 
 
 def base(*services: dict[str, Any], bridge: dict[str, Any] | None = None, **images: str) -> GatewayBase:
-    """Of the control centre with these services."""
     host = SHIPPED.hosts[CENTRE]
     assert isinstance(host.device, ServerComputer)
     made = None if bridge is None else Ros1Bridge.model_validate({**IMAGE, **bridge})

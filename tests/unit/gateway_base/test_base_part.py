@@ -1,7 +1,5 @@
 """Part `gateway_base`: what the shipped inventory's gateway gets, and what a declaration changes of it."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re
@@ -151,7 +149,6 @@ TEXTS = {"DOCUMENTATION", "EXAMPLES", "RETURN"}
 
 
 def told(module: str) -> dict[str, Any]:
-    """The texts of a module, read as YAML."""
     found = {}
     for node in ast.parse((MODULES / f"{module}.py").read_text()).body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id in TEXTS:
@@ -160,7 +157,6 @@ def told(module: str) -> dict[str, Any]:
 
 
 def shape(options: dict[str, Any], below: str) -> dict[str, Any]:
-    """Names, types and defaults."""
     return {
         name: (
             row["type"],

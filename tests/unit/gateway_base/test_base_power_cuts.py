@@ -1,19 +1,14 @@
 """Module `configure`: the power fails before each single call to the system, and the next run completes everything."""
 
-from __future__ import annotations
-
 import os
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
+import pytest
 from base_computer import Computer, FakeUnit
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    import pytest
-
-    from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 
 CONF = "/etc/daemon/daemon.conf"
 CALLS = ("open", "write", "fsync", "fchmod", "replace", "unlink", "mkdir", "rmdir", "chmod", "chown", "symlink")

@@ -1,7 +1,5 @@
 """Part `gateway_base`: the radios of a gateway, which join the access points of vehicles."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -23,7 +21,6 @@ BULLSEYE = ROOT / ".venv-setup" / "debian" / "bullseye"
 
 
 def part(tmp_path: Path, *edits: tuple[str, str], rehearsed: bool = False) -> GatewayBase:
-    """The shipped inventory with words of its vehicles exchanged."""
     made = tmp_path / "inventory"
     shutil.copytree(ROOT / "inventory", made)
     path = made / "group_vars" / "all" / "vehicles.yml"

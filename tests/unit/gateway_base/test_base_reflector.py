@@ -1,14 +1,12 @@
 """What answers the checklists of other computers: laid down in the VPN alone, and a program that says what came."""
 
-from __future__ import annotations
-
 import json
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import HANG_S
@@ -28,9 +26,6 @@ from atlantis_netcfg.gateway.reflector import (
     far_end,
     reflector,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CHECKOUT = Path(__file__).parents[3]
 SHIPPED = load(CHECKOUT / "inventory")
@@ -128,7 +123,6 @@ def test_the_far_end_starts_from_its_folder_and_reads_its_key_from_standard_inpu
 
 @pytest.fixture
 def port() -> Iterator[int]:
-    """Of the program, which runs here."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind((HERE, 0))
         number: int = free.getsockname()[1]

@@ -1,7 +1,5 @@
 """Declared services: who reaches which port, what is started, and what a look on the computer says of it."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import socket
@@ -10,20 +8,17 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import HostedService, ServerComputer, VpnService
 from atlantis_netcfg.emulator.lab.stubs import service_program
 from atlantis_netcfg.gateway.base import gateway_base
+from atlantis_netcfg.gateway.parts import Configuration
 from atlantis_netcfg.gateway.services import LIST, services
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.gateway.parts import Configuration
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 CENTRE = "scc-control"

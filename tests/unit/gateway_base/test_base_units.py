@@ -1,16 +1,12 @@
 """Module `configure`, units: each runs what is in its files now, and whatever keeps it from running is told."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from base_computer import Computer, FakeUnit
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CONF = "/etc/daemon.conf"
 

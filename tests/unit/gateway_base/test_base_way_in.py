@@ -1,7 +1,5 @@
 """Module `configure`, the way in: whoever asks for a change is still let in after it, or nothing is changed."""
 
-from __future__ import annotations
-
 import os
 import pwd
 import subprocess

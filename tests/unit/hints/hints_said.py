@@ -1,20 +1,15 @@
 """The hints of the source that name a command, and the register of the tests that type them."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shlex
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import parse
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 from atlantis_netcfg.core.errors import NetcfgError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 PACKAGE = CHECKOUT / "atlantis_netcfg"
@@ -45,7 +40,6 @@ class Entry:
 
 
 def hints() -> set[Hint]:
-    """Every hint of the package that names a command."""
     found: set[Hint] = set()
     for path in sorted(PACKAGE.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -1,7 +1,5 @@
 """Every hint that names a command is typed by a test, in the situation in which it is given."""
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 

@@ -1,28 +1,16 @@
 """The planner: from what an image holds and what a host shall be to the edits; nothing is read or written."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Interface
 
 import pytest
 import yaml
 
-from atlantis_netcfg.image.facts import (
-    Edit,
-    ImageDirectory,
-    ImageFacts,
-    ImageFile,
-    ImageLink,
-    ImageRefused,
-    ImageRequest,
-    Remove,
-    StaticNetwork,
-)
+from atlantis_netcfg.image import facts
 from atlantis_netcfg.image.plan import notes, plan
 
-STATIC = StaticNetwork(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org")
-WISH = ImageRequest(
+STATIC = facts.StaticNetwork(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org")
+WISH = facts.ImageRequest(
     host="coastal-gateway",
     site="coastal",
     user="root",
@@ -42,11 +30,11 @@ FILES = {
     "/etc/ssh/sshd_config": "# the vendor's\nPermitRootLogin yes\n",
 }
 PLAN = "/usr/sbin/netplan"
-SEEN = ImageFacts(FILES, frozenset({PLAN, "/etc/netplan", "/usr/share/zoneinfo/Europe/Lisbon"}))
+SEEN = facts.ImageFacts(FILES, frozenset({PLAN, "/etc/netplan", "/usr/share/zoneinfo/Europe/Lisbon"}))
 
 
-def files(edits: tuple[Edit, ...]) -> dict[str, str]:
-    return {edit.path: edit.content.decode() for edit in edits if isinstance(edit, ImageFile)}
+def files(edits: tuple[facts.Edit, ...]) -> dict[str, str]:
+    return {edit.path: edit.content.decode() for edit in edits if isinstance(edit, facts.ImageFile)}
 
 
 def test_the_name_is_the_declared_one() -> None:
@@ -60,15 +48,15 @@ def test_the_name_is_the_declared_one() -> None:
 )
 def test_the_keys_are_those_of_the_account(user: str, home: str, owner: tuple[int, int]) -> None:
     edits = plan(SEEN, replace(WISH, user=user))
-    assert ImageDirectory(f"{home}/.ssh", 0o700, owner) in edits
+    assert facts.ImageDirectory(f"{home}/.ssh", 0o700, owner) in edits
     keys = b"ssh-ed25519 AAAA one\nssh-ed25519 BBBB two\n"
-    assert ImageFile(f"{home}/.ssh/authorized_keys", keys, 0o600, owner) in edits
+    assert facts.ImageFile(f"{home}/.ssh/authorized_keys", keys, 0o600, owner) in edits
 
 
 def test_no_password_is_left() -> None:
     edits = plan(SEEN, WISH)
     text = "root:*::0:99999:7:::\nodroid:*:19000::::::\nguest:*:19000::::::\ndaemon:*:19000::::::\n"
-    assert ImageFile("/etc/shadow", text.encode(), 0o640, (0, 42)) in edits
+    assert facts.ImageFile("/etc/shadow", text.encode(), 0o640, (0, 42)) in edits
     assert "/etc/passwd" not in files(edits)
 
 
@@ -90,15 +78,15 @@ def test_what_must_not_be_on_two_cards_is_removed() -> None:
     seed, bus = "/var/lib/systemd/random-seed", "/var/lib/dbus/machine-id"
     listed = {"/etc/ssh": ("sshd_config", "ssh_host_rsa_key", "ssh_host_rsa_key.pub")}
     edits = plan(replace(SEEN, present=SEEN.present | {seed, bus}, listed=listed), WISH)
-    removed = [edit.path for edit in edits if isinstance(edit, Remove)]
+    removed = [edit.path for edit in edits if isinstance(edit, facts.Remove)]
     assert removed == [bus, seed, "/etc/ssh/ssh_host_rsa_key", "/etc/ssh/ssh_host_rsa_key.pub"]
-    assert ImageFile("/etc/machine-id", b"", 0o444) in edits
+    assert facts.ImageFile("/etc/machine-id", b"", 0o444) in edits
 
 
 def test_netplan() -> None:
     listed = {"/etc/netplan": ("01-netcfg.yaml", "10-atlantis.yaml", "README")}
     edits = plan(replace(SEEN, listed=listed), WISH)
-    assert [edit.path for edit in edits if isinstance(edit, Remove)] == ["/etc/netplan/01-netcfg.yaml"]
+    assert [edit.path for edit in edits if isinstance(edit, facts.Remove)] == ["/etc/netplan/01-netcfg.yaml"]
     lan = yaml.safe_load(files(edits)["/etc/netplan/10-atlantis.yaml"])["network"]["ethernets"]["lan"]
     assert lan["match"] == {"name": "eth0"}
     assert lan["addresses"] == ["10.64.1.10/24"]
@@ -107,7 +95,7 @@ def test_netplan() -> None:
     assert yaml.safe_load(dhcp)["network"]["ethernets"]["lan"] == {"match": {"name": "e*"}, "dhcp4": True}
 
 
-def only(*present: str) -> ImageFacts:
+def only(*present: str) -> facts.ImageFacts:
     return replace(SEEN, present=frozenset(present))
 
 
@@ -139,7 +127,7 @@ def test_other_ways_to_an_address(present: str, path: str, static: str, dhcp: st
 def test_networkd_is_started() -> None:
     wanted = "/etc/systemd/system/multi-user.target.wants/systemd-networkd.service"
     edits = plan(only("/lib/systemd/systemd-networkd"), WISH)
-    assert ImageLink(wanted, "/lib/systemd/system/systemd-networkd.service") in edits
+    assert facts.ImageLink(wanted, "/lib/systemd/system/systemd-networkd.service") in edits
 
 
 def test_who_answers_dns() -> None:
@@ -152,7 +140,7 @@ def test_who_answers_dns() -> None:
 def test_time() -> None:
     edits = plan(replace(SEEN, present=SEEN.present | {"/etc/chrony/sources.d"}), WISH)
     found = files(edits)
-    assert ImageLink("/etc/localtime", "/usr/share/zoneinfo/Europe/Lisbon") in edits
+    assert facts.ImageLink("/etc/localtime", "/usr/share/zoneinfo/Europe/Lisbon") in edits
     assert found["/etc/timezone"] == "Europe/Lisbon\n"
     assert "NTP=192.0.2.123 192.0.2.124\n" in found["/etc/systemd/timesyncd.conf.d/atlantis.conf"]
     assert found["/etc/chrony/sources.d/atlantis.sources"].count("iburst") == 2
@@ -166,7 +154,7 @@ def test_the_first_start() -> None:
     edits = plan(SEEN, WISH)
     assert "ssh-keygen -A\n" in files(edits)["/usr/local/sbin/atlantis-first-boot"]
     unit = "/etc/systemd/system/atlantis-first-boot.service"
-    assert ImageLink("/etc/systemd/system/multi-user.target.wants/atlantis-first-boot.service", unit) in edits
+    assert facts.ImageLink("/etc/systemd/system/multi-user.target.wants/atlantis-first-boot.service", unit) in edits
 
 
 @pytest.mark.parametrize(
@@ -189,8 +177,8 @@ def test_the_first_start() -> None:
         ),
     ],
 )
-def test_an_image_that_cannot_serve_is_refused(seen: ImageFacts, wish: ImageRequest, said: str) -> None:
-    with pytest.raises(ImageRefused, match=said):
+def test_an_image_that_cannot_serve_is_refused(seen: facts.ImageFacts, wish: facts.ImageRequest, said: str) -> None:
+    with pytest.raises(facts.ImageRefused, match=said):
         plan(seen, wish)
 
 
@@ -203,7 +191,7 @@ def test_cloud_init_is_switched_off(known_by: str) -> None:
     seen = replace(SEEN, present=SEEN.present | {known_by}, boot_words={GRUB: 'A="quiet"\n#B="cloud-init=enabled"\n'})
     edits = plan(seen, WISH)
     assert OFF in files(edits)
-    assert (ImageDirectory("/etc/cloud") in edits) is (known_by != "/etc/cloud")
+    assert (facts.ImageDirectory("/etc/cloud") in edits) is (known_by != "/etc/cloud")
     (note,) = notes(seen, WISH)
     assert "cloud-init of the image is switched off" in note
 
@@ -218,5 +206,7 @@ def test_an_image_without_cloud_init_is_left_without_its_file() -> None:
 def test_cloud_init_that_the_kernels_command_line_switches_on_is_refused(words: str) -> None:
     """It has precedence over the file: cloud-init's generator asks it first."""
     seen = replace(SEEN, present=SEEN.present | {"/etc/cloud"}, boot_words={"boot.ini on the FAT partition": words})
-    with pytest.raises(ImageRefused, match=r"boot\.ini on the FAT partition of the image tells the kernel `cloud-init"):
+    with pytest.raises(
+        facts.ImageRefused, match=r"boot\.ini on the FAT partition of the image tells the kernel `cloud-init"
+    ):
         plan(seen, WISH)

@@ -1,7 +1,5 @@
 """From the vendor's file to the working copy: packings, checksums, block maps, and files that are damaged."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import lzma

@@ -1,18 +1,14 @@
 """A reader of the schemas that we did not write: `jsonschema`, and YAML as an editor reads it."""
 
-from __future__ import annotations
-
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import yaml
 from jsonschema import Draft202012Validator
 
 from atlantis_netcfg.declaration.json_schema import FOLDER
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
 
@@ -33,12 +29,10 @@ EditorLoader.yaml_implicit_resolvers = {
 
 
 def files(inventory: Path) -> list[Path]:
-    """Every file of an inventory that a schema is for."""
     return sorted(path for path in inventory.rglob("*.yml") if FOLDER not in path.parts)
 
 
 def schema_of(path: Path) -> Path | None:
-    """The schema that a file names in its first line."""
     first = path.read_text(encoding="utf-8").partition("\n")[0]
     found = _MODELINE.fullmatch(first)
     return (path.parent / found[1]).resolve() if found else None

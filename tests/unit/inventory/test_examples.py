@@ -1,7 +1,5 @@
 """Which values count as examples: numbers as well as text, and none because a text has a `#` in it."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,8 +20,7 @@ def test_the_page_is_what_the_model_makes() -> None:
 def test_every_row_has_a_type_a_default_a_meaning_and_an_example() -> None:
     rows = [row for row in ROWS if len(row) == 6]
     assert len(rows) > 250
-    incomplete = [row[0] for row in rows if not all((row[1], row[3], row[4], row[5].strip("`| ")))]
-    assert incomplete == []
+    assert [row[0] for row in rows if not all((row[1], row[3], row[4], row[5].strip("`| ")))] == []
 
 
 def test_every_key_of_every_file_has_a_row() -> None:

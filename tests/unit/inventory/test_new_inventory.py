@@ -1,7 +1,5 @@
 """`provision init`: what is written from answers, what is refused, and that it is all or nothing."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any

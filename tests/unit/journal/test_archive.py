@@ -1,22 +1,18 @@
 """Old runs are put aside, so that a thousand of them cost what ten do; nothing that is needed goes, nothing is lost."""
 
-from __future__ import annotations
-
 import json
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hints_said import advised
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.journal import KEPT, Outcome, Purpose, RunEnded, RunStarted, Store
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 STARTED = RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
 opened: list[list[str]] = []
@@ -32,7 +28,6 @@ sys.addaudithook(_note)
 
 
 def counted(act: Callable[[], object]) -> tuple[int, int]:
-    """How many journals are opened, and how many bytes are in them."""
     opened.append([])
     try:
         act()
@@ -81,8 +76,7 @@ def test_a_thousand_runs_cost_what_ten_do(store: Store, capsys: pytest.CaptureFi
     assert few["runs"][0] == 10
     for _ in range(990):
         ran(store)
-    many = costs()
-    assert many == few
+    assert costs() == few
     assert few["confirmed"][0] == 1
     begun = counted(lambda: ran(store))[0]
     assert begun <= 4  # its own journal, the one that is put aside, and the latest ones that stand for it

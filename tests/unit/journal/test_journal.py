@@ -1,7 +1,5 @@
 """What is written can be read back, whatever happens in between."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
@@ -10,9 +8,11 @@ import signal
 import stat
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, NoReturn
+from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
@@ -52,10 +52,6 @@ from atlantis_netcfg.journal import (
 )
 from atlantis_netcfg.operations.lte.units import LteResult
 from atlantis_netcfg.routeros import Status
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 STARTED = RunStarted(
     site="coastal", revision="ab" * 32, tool="0.1", hosts=("router", "cpe"), rehearsed=False, command="provision"

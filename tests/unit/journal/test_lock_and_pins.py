@@ -1,7 +1,5 @@
 """One run per site, whoever dies; certificates that are only replaced on a person's word."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

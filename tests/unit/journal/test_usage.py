@@ -1,22 +1,17 @@
 """Bytes of a month out of counters that forget: looks, restarts, resets, other ports, two processes, a torn disk."""
 
-from __future__ import annotations
-
 import json
 import stat
 import subprocess
 import sys
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.journal import Counters, JournalFailed, MonthBytes, StateDamaged, Store, Usage
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NOON = datetime(2026, 11, 21, 12, tzinfo=UTC)
 

@@ -1,19 +1,13 @@
 """How a message that is already made is found in the catalogue, and what is never lost or changed in it."""
 
-from __future__ import annotations
-
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.catalogue import _MOST_TRIED, Catalogue, read
 from atlantis_netcfg.core.language import Language
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 MESSAGES = {
     "nothing was changed": "nada foi alterado",
@@ -176,20 +170,12 @@ def test_a_catalogue_is_read_as_gettext_writes_it(tmp_path: Path) -> None:
     assert read(file) == {'a "{b}"': 'um "{b}"', "of two lines": "de duas linhas\\n"}
 
 
-@pytest.fixture
-def _portuguese() -> Iterator[None]:
-    before = language.current()
-    language.use(Language.PORTUGUESE)
-    yield
-    language.use(before)
-
-
 def test_english_is_left_alone() -> None:
     assert language.current() is Language.ENGLISH
     assert language.translate("nothing was changed") == "nothing was changed"
 
 
-@pytest.mark.usefixtures("_portuguese")
+@pytest.mark.usefixtures("portuguese")
 def test_what_the_catalogue_lacks_stays_in_english() -> None:
     assert language.translate("  quite unknown words here") == "  quite unknown words here"
 

@@ -1,13 +1,11 @@
 """The Portuguese catalogue: complete, true to the values of each message, and in European forms."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import sys
 from pathlib import Path
 from string import Formatter
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 import pytest
 
@@ -16,10 +14,6 @@ from atlantis_netcfg.cli.help import of_command, overview
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.catalogue import Catalogue, Template, read
 from atlantis_netcfg.core.language import Language, catalogue_file
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from types import ModuleType
 
 ROOT = Path(__file__).parents[3]
 GLOSSARY = ROOT / "docs" / "pt" / "glossario.md"
@@ -121,14 +115,7 @@ def test_no_translation_has_a_brazilian_form() -> None:
     assert found == []
 
 
-@pytest.fixture
-def _portuguese() -> Iterator[None]:
-    language.use(Language.PORTUGUESE)
-    yield
-    language.use(Language.ENGLISH)
-
-
-@pytest.mark.usefixtures("_portuguese")
+@pytest.mark.usefixtures("portuguese")
 @pytest.mark.parametrize("name", ["", *COMMANDS])
 def test_help_is_no_wider_than_in_english(name: str) -> None:
     def page() -> list[str]:

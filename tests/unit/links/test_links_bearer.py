@@ -1,10 +1,9 @@
 """What is told of a bearer: canaries are believed before its own box, and a cause is told once."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from ipaddress import IPv4Network
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -15,9 +14,6 @@ from atlantis_netcfg.bearers.policy import BearerRoute
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.operations.links.session import Echo, RouterReading, SeenNeighbour, SessionPort
 from atlantis_netcfg.operations.links.status import BoxesStatus, SeenLinks, Silent, bearer_status, ranked, twice
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 CASES = yaml.safe_load(Path(__file__).with_name("bearer_cases.yml").read_text(encoding="utf-8"))
 SILENT = Silent("box", "nobody answers", "has it power?")

@@ -1,21 +1,16 @@
 """Both ends of a bridge are judged, each told the other one's hardware address; and names of the allow-list."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pytest
 
 from atlantis_netcfg.bearers import LinkState
 from atlantis_netcfg.bearers.wifi import Family, read
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.links import look as looking
 from atlantis_netcfg.operations.links.status import BoxesStatus, RadioLook, Silent, of_bridge
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    import pytest
 
 DECLARATION = load(Path(__file__).resolve().parents[3] / "inventory")
 NEAR, FAR = DECLARATION.hosts["coastal-cpe"], DECLARATION.hosts["scc-cpe"]

@@ -1,10 +1,9 @@
 """What a router's answers about its links mean: refusals, missing fields and unknown words are None, never 0."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -12,9 +11,6 @@ import yaml
 from atlantis_netcfg.bearers.policy import BearerRoute
 from atlantis_netcfg.operations.links.session import Echo, SeenNeighbour, SessionPort, questions, read
 from atlantis_netcfg.routeros.api import Reply, Trap
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 CASES = yaml.safe_load(Path(__file__).with_name("router_reading_cases.yml").read_text(encoding="utf-8"))
 WAYS = (
@@ -25,13 +21,11 @@ MENUS = ("resource", "interface", "route", "arp", "filter", "scheduler")
 
 
 def replies(case: Mapping[str, Any]) -> list[Reply]:
-    """The answers in the order of the questions; `refused` stands for a trap."""
     answers = [case.get(menu, []) for menu in MENUS] + case.get("pings", [[], []])
     return [Reply(trap=Trap("no such command")) if one == "refused" else Reply(rows=tuple(one)) for one in answers]
 
 
 def plain(value: object) -> object:
-    """A reading in the words of the cases."""
     if isinstance(value, dict):
         return {name: plain(one) for name, one in value.items()}
     if isinstance(value, tuple):
@@ -46,8 +40,7 @@ def test_what_the_answers_mean(name: str) -> None:
     case = CASES[name]
     _, probes = questions(WAYS)
     reading = read(replies(case), probes)
-    found = {each: plain(getattr(reading, each)) for each in case["read"]}
-    assert found == case["read"]
+    assert {each: plain(getattr(reading, each)) for each in case["read"]} == case["read"]
 
 
 def test_a_satellite_is_sent_nothing() -> None:

@@ -5,8 +5,6 @@ Modem3gpp.RegistrationState, and needs dbus-python built from source. Names and 
 ModemManager's published D-Bus API. Whatever would set something is there, too, and the log tells whether it was called.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import dbus

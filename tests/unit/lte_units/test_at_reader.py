@@ -1,7 +1,5 @@
 """The AT driver against a modem on a pty: readings from data cases, owners, silence, and what may be sent at all."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import os
@@ -10,32 +8,19 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
 from row_subtests import for_each_row
 
 import atlantis_netcfg
-from atlantis_netcfg.bearers.lte import LteReading, Registration
+from atlantis_netcfg.bearers.lte import LteReading, Registration, at
 from atlantis_netcfg.bearers.lte import at as driver
-from atlantis_netcfg.bearers.lte.at import (
-    ALLOWED,
-    READS,
-    AtModem,
-    AtSilent,
-    AtUnreachable,
-    CommandForbidden,
-    PortOwned,
-    read,
-    require_free,
-)
 from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 DATA: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("at_cases.yml").read_text(encoding="utf-8"))
 HEARD: list[str] = []
@@ -59,28 +44,28 @@ def test_readings(case: dict[str, Any]) -> None:
         spec["noise"] = spec["noise"].encode("latin-1")
     expected = {field.name: None for field in dataclasses.fields(LteReading)} | DATA["base"] | case["reading"]
     with modem(**spec) as running:
-        look = read(running.path)
+        look = at.read(running.path)
         assert dataclasses.asdict(look.reading) == expected | {"state": Registration(expected["state"])}
-        assert running.heard[: len(READS)] == list(READS)
+        assert running.heard[: len(at.READS)] == list(at.READS)
         assert look.commands == len(running.heard)
 
 
 def test_read_twice_reads_the_same() -> None:
     with modem() as running:
-        assert read(running.path) == read(running.path)
+        assert at.read(running.path) == at.read(running.path)
 
 
 def test_a_modem_that_falls_silent_is_told() -> None:
-    with modem(mute_after=4) as running, pytest.raises(AtSilent) as caught:
-        read(running.path, answer_s=0.2)
+    with modem(mute_after=4) as running, pytest.raises(at.AtSilent) as caught:
+        at.read(running.path, answer_s=0.2)
     assert "no answer to AT+CGREG? within 0.2 s" in str(caught.value)
 
 
 def test_a_modem_that_goes_away_is_told() -> None:
     with modem(mute_after=0) as running:
         path = running.path
-    with pytest.raises(AtUnreachable):
-        read(path)
+    with pytest.raises(at.AtUnreachable):
+        at.read(path)
 
 
 def test_a_port_that_somebody_has_is_left_alone() -> None:
@@ -93,11 +78,11 @@ def test_a_port_that_somebody_has_is_left_alone() -> None:
         )
         assert holder.stdout is not None
         assert holder.stdout.readline() == "open\n"
-        with pytest.raises(PortOwned, match=rf"process {holder.pid}\)"):
-            read(running.path)
+        with pytest.raises(at.PortOwned, match=rf"process {holder.pid}\)"):
+            at.read(running.path)
         assert running.heard == []
         holder.communicate("\n")
-        assert read(running.path).reading.state is Registration.REGISTERED_HOME
+        assert at.read(running.path).reading.state is Registration.REGISTERED_HOME
 
 
 def test_a_lock_file_of_a_living_process_counts(tmp_path: Path) -> None:
@@ -105,10 +90,10 @@ def test_a_lock_file_of_a_living_process_counts(tmp_path: Path) -> None:
     (proc / "4711").mkdir(parents=True)
     (proc / "4711" / "comm").write_text("pppd\n")
     (tmp_path / "LCK..ttyUSB2").write_text("      4711\n")
-    with pytest.raises(PortOwned, match=r"pppd, process 4711, by "):
-        require_free("/dev/ttyUSB2", proc=proc, locks=(tmp_path,))
+    with pytest.raises(at.PortOwned, match=r"pppd, process 4711, by "):
+        at.require_free("/dev/ttyUSB2", proc=proc, locks=(tmp_path,))
     (tmp_path / "LCK..ttyUSB2").write_text("      4712\n")
-    require_free("/dev/ttyUSB2", proc=proc, locks=(tmp_path,))
+    at.require_free("/dev/ttyUSB2", proc=proc, locks=(tmp_path,))
 
 
 def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
@@ -119,12 +104,12 @@ def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
         assert process.stdout is not None
         process.stdin.write(b"here\n")
         assert process.stdout.read(5) == b"here\n"
-        with pytest.raises(PortOwned) as caught:
-            require_free("/dev/ttyUSB2", locks=())
+        with pytest.raises(at.PortOwned) as caught:
+            at.require_free("/dev/ttyUSB2", locks=())
         process.communicate()
     assert f"(process {process.pid})" in str(caught.value)
     assert "driver: modemmanager" in str(caught.value.hint)
-    require_free("/dev/ttyUSB2", locks=())
+    at.require_free("/dev/ttyUSB2", locks=())
 
 
 @pytest.mark.parametrize(
@@ -136,7 +121,7 @@ def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
 )
 def test_what_is_no_read_is_refused_before_the_wire(command: str) -> None:
     with modem() as running:
-        with AtModem(running.path) as opened, pytest.raises(CommandForbidden) as caught:
+        with at.AtModem(running.path) as opened, pytest.raises(at.CommandForbidden) as caught:
             opened.ask(command)
         assert "1234" not in str(caught.value)
         assert running.heard == []
@@ -157,7 +142,7 @@ def test_every_command_in_the_product_is_allowed() -> None:
             and isinstance(node.value, str)
             and re.fullmatch(r"AT(?:[A-Z]\d?|[+^*$&#%].+)", node.value.strip(), re.IGNORECASE)
         }
-    assert found == ALLOWED
+    assert found == at.ALLOWED
 
 
 def test_one_place_writes_to_the_port_and_it_checks() -> None:
@@ -176,16 +161,16 @@ def test_one_place_writes_to_the_port_and_it_checks() -> None:
 
 def test_the_allow_list_holds_reads_only() -> None:
     documented = {'AT+QENG="servingcell"'}
-    assert {command for command in ALLOWED if "=" in command} <= documented
-    assert not [command for command in ALLOWED if re.match(r"AT\+(CGSN|CIMI|CCID|ICCID|QCCID)", command)]
+    assert {command for command in at.ALLOWED if "=" in command} <= documented
+    assert not [command for command in at.ALLOWED if re.match(r"AT\+(CGSN|CIMI|CCID|ICCID|QCCID)", command)]
 
 
 def test_zz_all_that_was_heard_is_allowed() -> None:
     """Dynamic: the recorder at the port during all tests of this file that ran in this process."""
     with modem() as running:
-        read(running.path)
-    assert set(HEARD) <= ALLOWED
-    assert set(READS) <= set(HEARD)
+        at.read(running.path)
+    assert set(HEARD) <= at.ALLOWED
+    assert set(at.READS) <= set(HEARD)
 
 
 def test_a_terminal_of_a_container_is_another_one() -> None:
@@ -201,5 +186,5 @@ def test_a_terminal_of_a_container_is_another_one() -> None:
         with subprocess.Popen(inside, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             assert process.stdout.readline() == "up\n"
-            require_free(running.path, locks=())
+            at.require_free(running.path, locks=())
             process.kill()

@@ -1,13 +1,12 @@
 """The ModemManager driver over a real D-Bus daemon, with python-dbusmock in ModemManager's place."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import subprocess
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -17,9 +16,6 @@ from waiting import HANG_S
 
 from atlantis_netcfg.bearers.lte import LteReading, Registration
 from atlantis_netcfg.bearers.lte.modemmanager import MmUnreachable, read
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HERE = Path(__file__).parent
 CASES: list[dict[str, Any]] = yaml.safe_load((HERE / "mm_cases.yml").read_text(encoding="utf-8"))

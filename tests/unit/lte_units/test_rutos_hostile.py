@@ -1,11 +1,11 @@
 """A 4G unit that does not end what it begins: each is over in bounded time, with words about the unit."""
 
-from __future__ import annotations
-
 import socket
+import ssl
 import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from impostor import served
@@ -13,11 +13,6 @@ from impostor import served
 from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint, RutosRefused, RutosUnreachable
 from atlantis_netcfg.bearers.lte.rutos_read import read
 from atlantis_netcfg.core.secret import Secret
-
-if TYPE_CHECKING:
-    import ssl
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
 
 HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n"
 NEVER = threading.Event()

@@ -1,40 +1,31 @@
 """The RutOS reader: its words from data cases, its talk against the twin over real TLS."""
 
-from __future__ import annotations
-
 import dataclasses
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
 
-from atlantis_netcfg.bearers.lte import LteReading, Registration
-from atlantis_netcfg.bearers.lte.rutos_client import (
-    CertificateChanged,
-    CertificateUnknown,
-    RutosEndpoint,
-    RutosLoginFailed,
-    RutosRefused,
-    RutosUnreachable,
-)
+from atlantis_netcfg.bearers.lte import LteReading, Registration, rutos_client
 from atlantis_netcfg.bearers.lte.rutos_read import modem_of, read, reading_of
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CASES: list[dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("rutos_cases.yml").read_text(encoding="utf-8"))
 PASSWORD = "a-reader's-password"
 
 
 @contextmanager
-def unit(folder: Path, **said: Any) -> Iterator[tuple[Rutos, RutosEndpoint]]:  # noqa: ANN401 (fields of RutosSpec)
+def unit(folder: Path, **said: Any) -> Iterator[tuple[Rutos, rutos_client.RutosEndpoint]]:  # noqa: ANN401 (fields of RutosSpec)
     with RunningRutos(RutosSpec(name="te4sea-4g", reader_password=PASSWORD, **said), folder) as running:
         ready = running.ready
-        yield running.unit, RutosEndpoint(ready["host"], ready["https"], "reader", Secret(PASSWORD), ready["pin"])
+        yield (
+            running.unit,
+            rutos_client.RutosEndpoint(ready["host"], ready["https"], "reader", Secret(PASSWORD), ready["pin"]),
+        )
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["why"])[:60])
@@ -120,14 +111,14 @@ def test_a_token_that_has_run_out_is_renewed_once(tmp_path: Path) -> None:
 
 
 def test_a_user_without_the_right_is_told_which(tmp_path: Path) -> None:
-    with unit(tmp_path, hidden=("/api/modems/status",)) as (_, at), pytest.raises(RutosRefused) as caught:
+    with unit(tmp_path, hidden=("/api/modems/status",)) as (_, at), pytest.raises(rutos_client.RutosRefused) as caught:
         read(at)
     assert "/api/modems/status (HTTP 403)" in str(caught.value)
 
 
 @pytest.mark.parametrize("api", [True, False])
 def test_a_wrong_password_is_tried_once(tmp_path: Path, *, api: bool) -> None:
-    with unit(tmp_path, api=api) as (twin, at), pytest.raises(RutosLoginFailed) as caught:
+    with unit(tmp_path, api=api) as (twin, at), pytest.raises(rutos_client.RutosLoginFailed) as caught:
         read(dataclasses.replace(at, password=Secret("hunter2")))
     assert twin.web.failed_logins == 1
     assert "hunter2" not in f"{caught.value}{caught.value.hint}"
@@ -135,9 +126,9 @@ def test_a_wrong_password_is_tried_once(tmp_path: Path, *, api: bool) -> None:
 
 def test_no_password_is_sent_to_a_stranger(tmp_path: Path) -> None:
     with unit(tmp_path) as (twin, at):
-        with pytest.raises(CertificateUnknown) as unknown:
+        with pytest.raises(rutos_client.CertificateUnknown) as unknown:
             read(dataclasses.replace(at, pin=None))
-        with pytest.raises(CertificateChanged):
+        with pytest.raises(rutos_client.CertificateChanged):
             read(dataclasses.replace(at, pin="0" * 64))
         assert unknown.value.fingerprint == at.pin
         assert twin.web.requests == []
@@ -146,7 +137,7 @@ def test_no_password_is_sent_to_a_stranger(tmp_path: Path) -> None:
 def test_nobody_there(tmp_path: Path) -> None:
     with unit(tmp_path) as (_, at):
         pass
-    with pytest.raises(RutosUnreachable):
+    with pytest.raises(rutos_client.RutosUnreachable):
         read(at)
 
 

@@ -1,9 +1,8 @@
 """What would be set on a RutOS unit: pure, then against the twin's strict `uci` over real SSH."""
 
-from __future__ import annotations
-
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,9 +22,6 @@ from atlantis_netcfg.console.ssh import open_commands
 from atlantis_netcfg.console.types import HostKeyChanged, LoginFailed, UnknownHostKey
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSpec
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 HOME = LteReading(source="rutos", state=Registration.REGISTERED_HOME, sim_slot=1)
 LOCKED = LteReading(source="rutos", state=Registration.SIM_PIN_REQUIRED, sim_slot=1, pin_tries_left=3)

@@ -1,7 +1,5 @@
 """The stand-ins' archive and the bundles' key, where gpg's clock passes the edge of a second while a key is made."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

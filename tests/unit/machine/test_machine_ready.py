@@ -1,7 +1,5 @@
 """Why no machine runs here, in the words that a technician reads."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

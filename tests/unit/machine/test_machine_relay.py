@@ -1,21 +1,16 @@
 """The bearer between this computer and a machine; here a server of the loopback stands for the machine."""
 
-from __future__ import annotations
-
 import socket
 import struct
 import time
+from collections.abc import Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayTraffic, RelayWay
 from atlantis_netcfg.emulator.udp_link import LinkShape
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 
 @pytest.fixture
@@ -32,8 +27,6 @@ def relay(server: socket.socket) -> Iterator[Relay]:
 
 
 class Both:
-    """A connection through the relay, both ends of it."""
-
     def __init__(self, relay: Relay, server: socket.socket) -> None:
         self.client = socket.create_connection(("127.0.0.1", relay.port), HANG_S)
         self.machine, _ = server.accept()

@@ -1,7 +1,5 @@
 """Trees are built once, by one; what a killed build has left is never used. mmdebstrap is a script of the test's."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import time

@@ -1,25 +1,12 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.operations.schedule import bridges
 
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
-
-ROOT = Path(__file__).parents[3]
 BOTH = ["coastal-cpe", "scc-cpe"]
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 def ptp(declaration: Declaration) -> str:

@@ -1,7 +1,5 @@
 """Kinds of computers: one table, and a playbook that has the same groups and the same roles."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args

@@ -1,13 +1,12 @@
 """Who is asked before what is sent over which link, and what is written down after: against the shipped declaration."""
 
-from __future__ import annotations
-
 import ast
 import inspect
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -17,9 +16,10 @@ from atlantis_netcfg.cli._commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration import load as load_inventory
 from atlantis_netcfg.declaration.model import LteDriver, LteRouter
-from atlantis_netcfg.journal import CostCounted, NoJournal, Store
+from atlantis_netcfg.journal import CostCounted, NoJournal, Record, Store
 from atlantis_netcfg.operations import Mode, Request, Target, site
 from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, links_of, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
@@ -29,12 +29,6 @@ from atlantis_netcfg.operations.request import REMOVE_FOREIGN, consent
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.journal import Record
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 ROUTER = "coastal-router"
@@ -333,8 +327,7 @@ def ended(**more: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceResult
 
 def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Declaration, tmp_path: Path) -> None:
     costs, journal, store = Costs(declaration, request(tmp_path, accept_cost=True)), Journal(), Store(tmp_path)
-    meter = costs._meter(ROUTER)
-    meter.judge(routes(), SMALL, spends=True, planned=False)
+    costs._meter(ROUTER).judge(routes(), SMALL, spends=True, planned=False)
     told = costs.report(ended(counts=(counts(1000, 1000), counts(41_000, 31_000))), journal, store)
     cost = told["cost"]
     assert cost["bill"]["payload_bytes"] == 50_000 * 112 // 100 + 2 * 600

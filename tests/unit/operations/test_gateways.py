@@ -1,13 +1,12 @@
 """Gateways in a run: what a role is told, and what becomes of the results of its tasks."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -21,17 +20,12 @@ from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
 from atlantis_netcfg.operations.site import RunName, SiteRun
 from atlantis_netcfg.report.drift import drift_lines
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 SHIPPED = Path(__file__).parents[3] / "inventory"
 HOST = "coastal-gateway"
 FILE = {"changed": True, "changes": ["file /etc/a", "unit a restarted"], "notes": ["slow card"]}
 
 
 class Listener:
-    """Whoever typed: keeps what comes over the line."""
-
     def __init__(self) -> None:
         self.reader, self.writer = os.pipe()
 
@@ -58,7 +52,6 @@ def watch(tmp_path: Path, listener: Listener) -> Watch:
 
 
 def outcome(listener: Listener) -> dict[str, Any]:
-    """The one result that was told."""
     (told,) = [one for one in listener.told() if one.get("devices")]
     result: dict[str, Any] = told["devices"][HOST]
     return {**result, "run": told["runs"]}

@@ -1,22 +1,16 @@
 """What the links of a rehearsal do: declared, or as a run has measured them; and which run a person means."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import LinkGap
+from atlantis_netcfg.declaration.model import Bearer, LinkGap
 from atlantis_netcfg.emulator.udp_link import DrawnGap, LinkShape
 from atlantis_netcfg.operations.link_shapes import Replay, link_shapes, open_replay, shapes_to
 from atlantis_netcfg.operations.rehearsal import link, site_spec
 from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile, ProfileGap, write_profile
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration.model import Bearer
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 ROUTER = DECLARED.hosts["coastal-router"]
@@ -52,8 +46,7 @@ def _profile(link_name: str = "satellite") -> LinkProfile:
 
 def test_a_declared_link_has_its_jitter_loss_and_gaps() -> None:
     bearer = _bearer()
-    plain = link_shapes(bearer)
-    assert plain == (LinkShape(352_000, 0.35), LinkShape(704_000, 0.35))
+    assert link_shapes(bearer) == (LinkShape(352_000, 0.35), LinkShape(704_000, 0.35))
     worse = {"jitter_ms": 30.0, "loss": 0.01, "gaps": (LinkGap(length_s=70.0, per_hour=2),)}
     rate = bearer.rate.model_copy(update=worse)
     up, _ = link_shapes(bearer.model_copy(update={"rate": rate}))

@@ -1,7 +1,5 @@
 """What the engine and a rehearsal are told of a MikroTik LTE box, and of 4G units that are none."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

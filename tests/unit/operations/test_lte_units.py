@@ -1,14 +1,13 @@
 """4G units of other makes in a run: set, read back, judged; each driver by a variant of the shipped inventory."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -17,9 +16,6 @@ from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 from atlantis_netcfg.journal import Journal, JournalFailed, Store
 from atlantis_netcfg.operations.lte.run import perform
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 NAME = "te4sea-4g"
@@ -165,8 +161,7 @@ def test_without_an_admin_it_is_checked_only(deck: Deck) -> None:
 def test_the_right_pin_is_tried_once(deck: Deck) -> None:
     deck.rutos(f"pin: {RIGHT}")
     twin = deck.unit(sim=RutosSim(pin="98979695"))
-    result = deck.run()
-    assert ends(result) == ("changed", 0, 2)
+    assert ends(deck.run()) == ("changed", 0, 2)
     assert (twin.modem.attempts, twin.modem.registration) == (1, "Registered, home")
     assert ends(deck.run()) == ("unchanged", 0, 0)
     assert twin.modem.attempts == 1

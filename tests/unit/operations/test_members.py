@@ -1,17 +1,14 @@
 """What one run consists of, and in which order its devices have their turn."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Cpe, SignalBounds
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -21,20 +18,10 @@ from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, 
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Signal
 
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
-
-ROOT = Path(__file__).parents[3]
 BOTH = ("coastal-cpe", "scc-cpe")
 
 
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
-
-
 def named(declaration: Declaration, *names: str, **said: object) -> dict[tuple[str, ...], tuple[str, ...]]:
-    """Names of each member to what it waits for."""
     request = Request.model_validate({"state": Path("/nowhere"), **said})
     found = members_of(declaration, names, request)
     return {tuple(host.name for host in member.hosts): member.after for member in found}

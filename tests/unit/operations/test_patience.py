@@ -1,7 +1,5 @@
 """Patience belongs to the bearer: seconds on a cable, longer than a gap of 70 s where there are gaps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """What the doors get when something goes wrong before or beside the devices."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

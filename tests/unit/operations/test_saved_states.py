@@ -1,28 +1,17 @@
 """Which run a rollback goes back to, and which state stands for a device when that is rehearsed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.journal import ActionsConfirmed, NoSuchRun, Run, RunStarted, Store
 from atlantis_netcfg.operations.restore import confirmed_state
 from atlantis_netcfg.operations.saved_states import before_resuming, before_rollback, hosts_of_run, saved_run
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 ROUTER = "coastal-router"
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(checkout() / "inventory")
 
 
 @dataclass

@@ -1,22 +1,16 @@
 """Who talks to whom all the time, by the declaration: each source, each bearer, each site; and the budgets."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.bearers.standing import DAY_S, StandingFlow, TrafficSource
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Dds, DdsPath, DdsPeer, RosDistribution, TelemetryData, TelemetryTopic
 from atlantis_netcfg.operations.standing import inventory_warnings, over_budget, standing_traffic
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 _SENT, _REFUSED = 11 * 536 * DAY_S / 20, 6 * 564 * DAY_S / 20

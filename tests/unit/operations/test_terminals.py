@@ -1,7 +1,5 @@
 """Terminals in a run: judged, recorded by a run that may change devices, and never spoken to."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

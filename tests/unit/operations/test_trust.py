@@ -1,27 +1,20 @@
 """How a computer's SSH host key is known: declared, or in OpenSSH's own list, and never taken over silently."""
 
-from __future__ import annotations
-
 import os
 import shlex
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Gateway
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.trust import KeyState, TrustedComputer, has_identity
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.declaration import Declaration
 
 GATEWAY = "coastal-gateway"
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIP8Drwn6vGvGUsdb7vuANhLXoEo1vLPfZKpFqfBMlfd8"

@@ -1,21 +1,16 @@
 """What is said of hosts of which no result has come: no more, and no less, than what the journal proves."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, LayerSent, Outcome, RunResumed, RunStarted, Store
+from atlantis_netcfg.journal.records import Record
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.play_control import other_ends, without_result
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.journal.records import Record
 
 KILLED = "the process that worked on it was killed"
 NAME = "coastal-router"
@@ -27,11 +22,6 @@ RESUMED = RunResumed(revision="", tool="", command="provision resume")
 
 def ended(status: str, code: int, *, still_open: bool = False) -> Outcome:
     return Outcome(device=NAME, status=status, exit=code, message=f"it is {status}", open=still_open)
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(Path(__file__).parents[3] / "inventory")
 
 
 def said(declaration: Declaration, state: Path, *records: Record, mode: Mode = Mode.APPLY) -> dict[str, Any]:

@@ -1,11 +1,9 @@
 """What `provision use` takes, what it refuses, and what it says of the cost."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import yaml
@@ -27,9 +25,6 @@ from atlantis_netcfg.operations.link_use import (
 )
 from atlantis_netcfg.operations.links.look import LinksStatus
 from atlantis_netcfg.routeros.link_use import LinkUse, in_use
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 NOW = datetime(2026, 11, 25, 20, 0, 31, tzinfo=UTC)
@@ -128,8 +123,7 @@ def test_the_end_is_counted_by_the_router_and_told_by_this_computer() -> None:
     order = wanted(for_s=3600).order(status(), NOW)
     assert (order.link, order.since_uptime_s, order.until_uptime_s, order.proved) == ("4g", 500, 4100, True)
     assert order.until == datetime(2026, 11, 25, 21, 0, tzinfo=UTC)
-    unproved = wanted(unproved=True).order(status(LinkState.UNKNOWN), NOW)
-    assert not unproved.proved
+    assert not wanted(unproved=True).order(status(LinkState.UNKNOWN), NOW).proved
 
 
 def test_the_most_that_the_declared_rate_lets_through_is_told() -> None:

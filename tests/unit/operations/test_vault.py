@@ -1,9 +1,7 @@
 """The passwords of the inventory's vault: where they are looked for, when they are typed, how Ansible gets them."""
 
-from __future__ import annotations
-
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from ansible import constants
@@ -15,9 +13,6 @@ from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vault import Vault
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 PASSWORD = "the word of the quay"
 SEALED = VaultLib([("default", VaultSecret(PASSWORD.encode()))]).encrypt(b"open").decode()

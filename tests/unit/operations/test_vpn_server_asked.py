@@ -1,9 +1,8 @@
 """The server of the VPN in a run: what its role is told, and what is refused before anything is contacted."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -15,9 +14,6 @@ from atlantis_netcfg.operations.computers.parts import PARTS, concerns, perform,
 from atlantis_netcfg.operations.request import Mode, Request, Target
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import ServerNames
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 SERVER, GATEWAY = "scc-vpn", "coastal-gateway"

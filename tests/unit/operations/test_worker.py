@@ -1,21 +1,16 @@
 """A task in a forked child settles when it is told to, however often the kernel says that its parent is dead."""
 
-from __future__ import annotations
-
 import asyncio
 import multiprocessing
 import os
 import signal
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.core.worker import run_until_settled
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 _FORK = multiprocessing.get_context("fork")
 

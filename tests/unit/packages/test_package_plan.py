@@ -1,7 +1,5 @@
 """Cases as data: what is installed, what is given, and the words of the answer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

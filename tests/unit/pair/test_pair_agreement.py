@@ -1,7 +1,5 @@
 """Plans after which the two ends would not find each other: one word changed at one end, and what is said of it."""
 
-from __future__ import annotations
-
 import pytest
 
 from atlantis_netcfg.routeros._types import Action, Layer, Verb

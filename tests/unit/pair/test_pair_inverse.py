@@ -1,10 +1,9 @@
 """The way back of a pair's end, run by a twin: it is as before, however far the change came."""
 
-from __future__ import annotations
-
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -19,9 +18,6 @@ from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._scripts import scripts
 from atlantis_netcfg.routeros.planner import plan
 from atlantis_netcfg.routeros.scheduler_jobs import pair_script
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 SPEC: dict[str, Any] = {"packages": ("routeros", "wireless"), "radios": ({"name": "wlan1"},)}
 RADIO, PROFILES, CONNECT = (

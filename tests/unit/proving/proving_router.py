@@ -1,14 +1,9 @@
 """A router as a proof sees it: counters, a filter that can be opened, and who answers beyond the satellite."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros.api import Command, Reply, Traffic, Trap
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 PORT, OUT, BACK = "ether3", "to-satellite", "from-satellite"
 VPN_RULE = {"action": "return", "src-address": "203.0.113.2", "src-port": "1194", "protocol": "udp"}

@@ -1,10 +1,9 @@
 """What is advised about a satellite, and about devices that were not met or have changed, is typed as it stands."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from datetime import date
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import paramiko
 import pytest
@@ -28,9 +27,6 @@ from atlantis_netcfg.operations.terminals import look
 from atlantis_netcfg.operations.upgrade import _configuration
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.api._tls import check_pin
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 __all__ = ["laptop"]
 PROVE = ("prove", "site=coastal", "--try-all")

@@ -1,7 +1,5 @@
 """What a proof asks, when it stops, and what it concludes."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from pathlib import Path
@@ -105,8 +103,7 @@ def test_an_allowed_host_that_stays_silent_for_the_window_fails() -> None:
 
 
 def test_a_short_window_proves_nothing_about_silence() -> None:
-    proof = prove(Fake(), proving(window_s=45.0))
-    assert told(proof)[ADDED] == ("silent", "INCONCLUSIVE")
+    assert told(prove(Fake(), proving(window_s=45.0)))[ADDED] == ("silent", "INCONCLUSIVE")
 
 
 def test_a_filter_that_somebody_has_opened_is_a_leak() -> None:
@@ -153,10 +150,8 @@ def test_over_a_link_that_answers_nowhere_nothing_is_called_refused_beyond() -> 
 
 def test_the_budget_stops_it() -> None:
     router = Fake(burst_bytes=BUDGET_BYTES)
-    found = told(prove(router))
-    assert found[ADDED] == ("silent", "INCONCLUSIVE")
-    pings = [command for command in router.sent if ("address", ADDED) in command.arguments]
-    assert len(pings) == 1
+    assert told(prove(router))[ADDED] == ("silent", "INCONCLUSIVE")
+    assert len([command for command in router.sent if ("address", ADDED) in command.arguments]) == 1
 
 
 def test_a_session_over_the_satellite_itself_is_expected_and_paid() -> None:
@@ -238,8 +233,7 @@ def over_tcp() -> Bearer:
 @pytest.mark.parametrize(("connects", "seen"), [(True, ("answered", "PASS")), (False, ("silent", "FAIL"))])
 def test_a_tcp_target_is_tried_by_a_row_that_is_gone_afterwards(connects: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
     router = Fake(connects=connects)
-    proof = prove(router, proving(try_all=True, link=over_tcp()))
-    assert told(proof)[f"{ADDED} tcp 443"] == seen
+    assert told(prove(router, proving(try_all=True, link=over_tcp())))[f"{ADDED} tcp 443"] == seen
     assert (router.rows, router.held) == ([], False)
     added = [dict(command.arguments) for command in router.sent if command.path == "/tool/netwatch/add"]
     assert [(row["type"], row["host"], row["port"]) for row in added] == [
@@ -268,8 +262,7 @@ def test_what_did_not_go_out_over_the_satellite_proves_nothing(connects: bool) -
 )
 def test_the_time_client_is_led_over_the_satellite_and_back(asks: bool, tells: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
     router = Fake(beyond={ADDED: 0}, asks_time=asks, tells_time=tells)
-    proof = prove(router, proving(try_all=True))
-    assert told(proof)["192.0.2.123 udp 123"] == seen
+    assert told(prove(router, proving(try_all=True)))["192.0.2.123 udp 123"] == seen
     assert (router.clock, router.rows, router.held) == (["no", "yes"], [], False)
     ways = [dict(command.arguments) for command in router.sent if command.path == "/routing/rule/add"]
     assert [(row["dst-address"], row["table"], row["place-before"], row.get("src-address")) for row in ways] == [
@@ -282,8 +275,7 @@ def test_the_time_client_is_led_over_the_satellite_and_back(asks: bool, tells: b
 
 def test_while_the_satellite_carries_the_traffic_the_time_needs_no_way_of_its_own() -> None:
     router = Fake(beyond={ADDED: 0}, active=True, tells_time=True)
-    proof = prove(router, proving(try_all=True))
-    assert told(proof)["192.0.2.123 udp 123"] == ("answered", "PASS")
+    assert told(prove(router, proving(try_all=True)))["192.0.2.123 udp 123"] == ("answered", "PASS")
     assert not any(command.path == "/routing/rule/add" for command in router.sent)
 
 

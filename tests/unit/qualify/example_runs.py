@@ -1,13 +1,12 @@
 """Runs to make figures of: measured over an emulated link on a simulated clock; names and addresses are examples."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
-from simulated_network import KEY, Recording, network, unlimited
+from simulated_network import KEY, Recording, SimulatedNetwork, network, unlimited
 
 from atlantis_netcfg.bearers.cost import Tariff
 from atlantis_netcfg.core.events import Verdict
@@ -24,17 +23,10 @@ from atlantis_netcfg.qualify.measured_run import (
     write_run,
 )
 from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.qualify.samples import Sample
 from atlantis_netcfg.qualify.search import sustained_rate
-from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from simulated_network import SimulatedNetwork
-
-    from atlantis_netcfg.qualify.samples import Sample
-    from atlantis_netcfg.qualify.session import PacketStream
 
 BEGUN = datetime(2026, 11, 20, 9, 30, tzinfo=UTC)
 CERTUS_UP = LinkShape(rate_bps=352_000, delay_s=0.28, jitter_s=0.02)

@@ -1,24 +1,17 @@
 """A network with a clock of its own: our reflector without its socket, and a link of known truth before it."""
 
-from __future__ import annotations
-
 import heapq
 import io
 import random
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.reflector.answering import Reflector
-from atlantis_netcfg.qualify.samples import SampleWriter, read
+from atlantis_netcfg.qualify.samples import Sample, SampleWriter, read
 from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transport import Arrival
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from atlantis_netcfg.qualify.samples import Sample
 
 KEY = b"an example key, 32 octets long.."
 SECOND = 1_000_000_000

@@ -1,7 +1,5 @@
 """A budget is never exceeded by more than one packet, as the sender's interface counts."""
 
-from __future__ import annotations
-
 import random
 from dataclasses import replace
 from decimal import Decimal

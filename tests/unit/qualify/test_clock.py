@@ -1,7 +1,5 @@
 """What the kernel says of a clock, and what is concluded of it; no clock is changed."""
 
-from __future__ import annotations
-
 import ctypes
 import time
 

@@ -1,10 +1,7 @@
 """Greens that nothing earns: few answers, gaps that could not be seen, missing stages, links that were not counted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from example_runs import measured_run, samples_text
@@ -26,10 +23,7 @@ from atlantis_netcfg.qualify.record import make_record
 from atlantis_netcfg.qualify.samples import Sample, read
 from atlantis_netcfg.qualify.search import RateLimit, sustained_rate
 from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan, run
-from atlantis_netcfg.qualify.transfers import message_figures
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.qualify.transfers import MessageFigures
+from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory").sites["coastal"].bearers[-1]
 SATELLITE = LinkShape(rate_bps=352_000, delay_s=0.28)

@@ -1,7 +1,5 @@
 """Each figure against a link whose truth is known, within the tolerances of docs/qualify.md."""
 
-from __future__ import annotations
-
 from itertools import count, pairwise
 
 import pytest

@@ -1,31 +1,25 @@
 """Whether the telemetry of a vehicle fits: capacities declared and measured, thinning, verdicts, money."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import timedelta
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from example_runs import BEGUN, idle_text, measured_run, put_run, samples_text
 
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import KEY_OCTETS, LinkThresholds, Qualify, TelemetryTopic, ThresholdsName
 from atlantis_netcfg.journal import NoSuchRun, Store
-from atlantis_netcfg.operations.fit import vehicle_fit
+from atlantis_netcfg.operations.fit import LinkFit, VehicleFit, vehicle_fit
 from atlantis_netcfg.operations.link_capacity import USABLE
 from atlantis_netcfg.operations.standing import standing_traffic
 from atlantis_netcfg.qualify.judgement import QualifyProfile, profiles
 from atlantis_netcfg.qualify.kept import folder_of
 from atlantis_netcfg.qualify.reflector.stamp import MIN_KEY_SIZE, PORT
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.operations.fit import LinkFit, VehicleFit
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 NOW = BEGUN + timedelta(days=1)

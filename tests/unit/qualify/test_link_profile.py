@@ -3,10 +3,8 @@
 On a simulated clock: a link of known truth is measured, its profile is made and replayed, and the replay is measured.
 """
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from simulated_network import KEY, SECOND, Recording, SimulatedNetwork, network, unlimited
@@ -14,18 +12,12 @@ from tolerances import tolerances
 
 from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.operations.link_shapes import replayed
-from atlantis_netcfg.qualify.figures import train_figures
+from atlantis_netcfg.qualify.figures import TrainFigures, train_figures
 from atlantis_netcfg.qualify.judgement import profile as thresholds
 from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, BudgetLimits, FarEnd, MeasuredRun, Selection, write_run
 from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.profile import NoProfile, ProfileGap, profile_of, read_profile
+from atlantis_netcfg.qualify.profile import LinkProfile, NoProfile, ProfileGap, profile_of, read_profile
 from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.qualify.figures import TrainFigures
-    from atlantis_netcfg.qualify.profile import LinkProfile
 
 PLAN = TrainPlan(172, 0.25, 300)
 CERTUS_UP = LinkShape(352_000, 0.28, jitter_s=0.03, loss=0.01)

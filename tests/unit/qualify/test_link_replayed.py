@@ -1,7 +1,5 @@
 """The link that a profile shapes: delays as they were measured, even shares, gaps that are drawn, stalls of TCP."""
 
-from __future__ import annotations
-
 import random
 from itertools import pairwise
 

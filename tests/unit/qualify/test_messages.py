@@ -1,7 +1,5 @@
 """Messages in chunks, the search for the highest rate, path MTU, tables and verdicts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest
@@ -10,21 +8,9 @@ from tolerances import tolerances
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
+from atlantis_netcfg.qualify import grids
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.grids import (
-    FEW,
-    IMAGES,
-    SHAPE_UNKNOWN,
-    image_plans,
-    image_row,
-    message_bytes,
-    table,
-    telemetry_plan,
-    telemetry_plans,
-    telemetry_row,
-    train_bytes,
-)
 from atlantis_netcfg.qualify.judgement import NoSuchProfile, judge, profile, profiles
 from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.qualify.path_mtu import path_mtu
@@ -177,16 +163,16 @@ def test_a_far_end_that_is_silent_has_no_mtu() -> None:
 def test_the_grids_say_that_their_shape_is_unknown() -> None:
     idle = 0.57
     rows = []
-    for octets, rate, plan in telemetry_plans(20):
+    for octets, rate, plan in grids.telemetry_plans(20):
         _, samples = run_train(network(UP, DOWN), plan)
-        rows.append(telemetry_row(octets, rate, train_figures(samples, "train"), idle))
-    for image, rate, images in image_plans(20):
-        if image in IMAGES[1:4:2] and rate < 5:
+        rows.append(grids.telemetry_row(octets, rate, train_figures(samples, "train"), idle))
+    for image, rate, images in grids.image_plans(20):
+        if image in grids.IMAGES[1:4:2] and rate < 5:
             figures = _sent(network(UP, DOWN), images)
             assert figures is not None
-            rows.append(image_row(image, rate, figures, 0.8))
-    lines = table(rows)
-    assert lines[0] == SHAPE_UNKNOWN
+            rows.append(grids.image_row(image, rate, figures, 0.8))
+    lines = grids.table(rows)
+    assert lines[0] == grids.SHAPE_UNKNOWN
     assert max(map(len, lines[1:])) <= 80
     verdicts = {(row.label, row.rate_hz): row.verdict for row in rows}
     assert verdicts["32 B", 10.0] is Verdict.PASS
@@ -196,32 +182,32 @@ def test_the_grids_say_that_their_shape_is_unknown() -> None:
 
 
 def test_a_grid_beyond_the_link_fails() -> None:
-    _, samples = run_train(network(replace(UP, rate_bps=30_000), DOWN), telemetry_plan(512, 10, 30))
-    row = telemetry_row(512, 10, train_figures(samples, "train"), 0.6)
+    _, samples = run_train(network(replace(UP, rate_bps=30_000), DOWN), grids.telemetry_plan(512, 10, 30))
+    row = grids.telemetry_row(512, 10, train_figures(samples, "train"), 0.6)
     assert row.verdict is Verdict.FAIL
 
 
 def test_one_that_is_lost_of_a_few_is_neither_a_failure_nor_proof() -> None:
     early = network(replace(UP, gaps_s=((0.0, 0.1),)), DOWN)
-    _, samples = run_train(early, telemetry_plan(32, 1, 20))
-    row = telemetry_row(32, 1, train_figures(samples, "train"), 0.6)
-    assert (row.sent - row.received, row.verdict, row.reason) == (1, Verdict.INCONCLUSIVE, FEW)
-    figures = _sent(network(replace(UP, gaps_s=((0.0, 0.1),)), DOWN), MessagePlan(IMAGES[0].octets, 1, 20))
+    _, samples = run_train(early, grids.telemetry_plan(32, 1, 20))
+    row = grids.telemetry_row(32, 1, train_figures(samples, "train"), 0.6)
+    assert (row.sent - row.received, row.verdict, row.reason) == (1, Verdict.INCONCLUSIVE, grids.FEW)
+    figures = _sent(network(replace(UP, gaps_s=((0.0, 0.1),)), DOWN), MessagePlan(grids.IMAGES[0].octets, 1, 20))
     assert figures is not None
-    row = image_row(IMAGES[0], 1, figures, 0.8)
-    assert (row.sent - row.received, row.verdict, row.reason) == (1, Verdict.INCONCLUSIVE, FEW)
+    row = grids.image_row(grids.IMAGES[0], 1, figures, 0.8)
+    assert (row.sent - row.received, row.verdict, row.reason) == (1, Verdict.INCONCLUSIVE, grids.FEW)
 
 
 def test_bytes_are_known_before_they_are_sent() -> None:
     net = network(UP, DOWN)
     plan = TrainPlan(172, 0.25, 20)
     run_train(net, plan, ReflectorPeer(KEY, counts=False))
-    assert net.up.sent_bytes + net.delivered_bytes == train_bytes(plan, HEADERS)
+    assert net.up.sent_bytes + net.delivered_bytes == grids.train_bytes(plan, HEADERS)
     net = network(UP, DOWN)
     images = MessagePlan(6_000, 1, 10)
     _sent(net, images)
     counted = net.up.sent_bytes + net.delivered_bytes
-    assert message_bytes(images, HEADERS) == pytest.approx(counted, rel=0.01)
+    assert grids.message_bytes(images, HEADERS) == pytest.approx(counted, rel=0.01)
 
 
 def test_verdicts_in_the_words_of_the_recommendations() -> None:

@@ -1,9 +1,6 @@
 """Messages from the far end: what they measure, and that nobody else gets them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import pytest
 from simulated_network import KEY, SECOND, SOURCE, START, Recording, SimulatedNetwork, network, unlimited
@@ -13,26 +10,12 @@ from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
 from atlantis_netcfg.qualify.messages_down import DownMessageStream, requested_bytes
+from atlantis_netcfg.qualify.reflector import stamp
 from atlantis_netcfg.qualify.reflector.answering import Reflector
-from atlantis_netcfg.qualify.reflector.stamp import (
-    CHUNK,
-    REQUEST,
-    MessageChunk,
-    MessageRequest,
-    ReflectorPacket,
-    RequestStatus,
-    SenderPacket,
-    Tlv,
-    decode_reflector,
-    ntp,
-)
 from atlantis_netcfg.qualify.samples import MessageDirection, MessageEnded
 from atlantis_netcfg.qualify.search import RateLimit, sustained_rate
-from atlantis_netcfg.qualify.session import ReflectorPeer, run
+from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, run
 from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.qualify.session import PacketStream
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28)
 DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)
@@ -266,29 +249,29 @@ class FarEnd:
 
     def request(self, sequence: int, token: bytes | None = None, *, session: int = 5, **changes: int) -> bytes:
         wanted = {"message": 0, "message_size": 9000, "first": 0, "count": 9, "packet": 1200, "pace_kbps": 0} | changes
-        value = MessageRequest(**wanted, token=token or bytes(16))
-        tlvs = (Tlv(REQUEST, value.encode()),)
-        return SenderPacket(sequence, ntp(self.now), 1, session, tlvs).encode(self.key)
+        value = stamp.MessageRequest(**wanted, token=token or bytes(16))
+        tlvs = (stamp.Tlv(stamp.REQUEST, value.encode()),)
+        return stamp.SenderPacket(sequence, stamp.ntp(self.now), 1, session, tlvs).encode(self.key)
 
     def token(self, sequence: int = 1000) -> bytes:
         (answer,) = self.raw(self.request(sequence, count=0))
         return self.status(answer).token
 
-    def status(self, answer: bytes) -> RequestStatus:
+    def status(self, answer: bytes) -> stamp.RequestStatus:
         (tlv,) = self.packet(answer).tlvs
-        assert tlv.type == REQUEST
-        return RequestStatus.decode(tlv.value)
+        assert tlv.type == stamp.REQUEST
+        return stamp.RequestStatus.decode(tlv.value)
 
-    def packet(self, answer: bytes) -> ReflectorPacket:
-        return decode_reflector(answer, self.key)
+    def packet(self, answer: bytes) -> stamp.ReflectorPacket:
+        return stamp.decode_reflector(answer, self.key)
 
 
 def test_every_chunk_is_authenticated_and_answers_its_request() -> None:
     far = FarEnd()
     sent = far.raw(far.request(1001, far.token()))
     packets = [far.packet(answer) for answer in sent]
-    chunks = [MessageChunk.decode(packet.tlvs[0].value) for packet in packets]
-    assert {packet.tlvs[0].type for packet in packets} == {CHUNK}
+    chunks = [stamp.MessageChunk.decode(packet.tlvs[0].value) for packet in packets]
+    assert {packet.tlvs[0].type for packet in packets} == {stamp.CHUNK}
     assert [chunk.index for chunk in chunks] == [*range(9)]
     assert sum(len(chunk.data) for chunk in chunks) == 9000
     assert {packet.sender_sequence for packet in packets} == {1001}
@@ -300,9 +283,9 @@ def test_a_part_is_sent_and_its_status_told() -> None:
     far = FarEnd()
     token = far.token()
     chunks = [far.packet(answer) for answer in far.raw(far.request(1001, token, first=7, count=2))]
-    assert [MessageChunk.decode(packet.tlvs[0].value).index for packet in chunks] == [7, 8]
+    assert [stamp.MessageChunk.decode(packet.tlvs[0].value).index for packet in chunks] == [7, 8]
     (answer,) = far.raw(far.request(1002, token, count=0))
-    assert far.status(answer) == RequestStatus(0, 2, 50_000, token)
+    assert far.status(answer) == stamp.RequestStatus(0, 2, 50_000, token)
 
 
 def test_without_the_key_nothing_longer_than_the_request_is_sent() -> None:

@@ -1,11 +1,8 @@
 """A far end of others: it answers STAMP without a key, so it measures less, and proves less, than ours."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from simulated_network import SECOND, SimulatedNetwork, network
@@ -20,11 +17,8 @@ from atlantis_netcfg.operations.qualify.plan import planned
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.figures import train_figures
 from atlantis_netcfg.qualify.measured_run import Selection
-from atlantis_netcfg.qualify.samples import StreamEnded
+from atlantis_netcfg.qualify.samples import Sample, StreamEnded
 from atlantis_netcfg.qualify.session import ReflectorPeer
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.qualify.samples import Sample
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 BEARERS = {bearer.name: bearer for bearer in DECLARED.sites["coastal"].bearers}

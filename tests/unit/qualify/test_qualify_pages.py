@@ -1,49 +1,33 @@
 """What a person is shown of a measured link: screen, page, paper and plots, of one run and of several."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
 import xml.etree.ElementTree as ET
 from datetime import timedelta
 from html.parser import HTMLParser
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from example_runs import BEGUN, idle_text, measured_run, put_run, samples_text
 from hints_said import advised
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.core import language, printable
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.core.language import Language
 from atlantis_netcfg.qualify.compare import FigureTrend, compared
 from atlantis_netcfg.qualify.grids import SHAPE_UNKNOWN
+from atlantis_netcfg.qualify.measured_run import MeasuredRun
 from atlantis_netcfg.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.qualify.samples import read
 from atlantis_netcfg.qualify_pages import write_pages
 from atlantis_netcfg.qualify_pages.pages import html, pdf, rows
-from atlantis_netcfg.qualify_pages.plots import WIDTH, plots
+from atlantis_netcfg.qualify_pages.plots import WIDTH, Plot, plots
 from atlantis_netcfg.qualify_pages.sections import EMULATED, seconds, sections
 from atlantis_netcfg.qualify_pages.several import comparison_rows
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from atlantis_netcfg.qualify.measured_run import MeasuredRun
-    from atlantis_netcfg.qualify_pages.plots import Plot
-
 SVG = "{http://www.w3.org/2000/svg}"
 HOSTILE = "EXAMPLE\x1b[2J<script>alert(1)</script>\u202e"
-
-
-@pytest.fixture
-def portuguese() -> Iterator[None]:
-    language.use(Language.PORTUGUESE)
-    yield
-    language.use(Language.ENGLISH)
 
 
 def drawn(text: str, run: MeasuredRun | None = None) -> tuple[QualifyRecord, list[Plot]]:

@@ -1,12 +1,9 @@
 """What a run plans, what it sends of it, and what is concluded: against a link of known truth, on a simulated clock."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from simulated_network import KEY, SECOND, SimulatedNetwork, network
@@ -28,13 +25,10 @@ from atlantis_netcfg.qualify.grids import train_bytes
 from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.qualify.record import make_record
-from atlantis_netcfg.qualify.samples import StreamEnded, TrainBegan
+from atlantis_netcfg.qualify.samples import Sample, StreamEnded, TrainBegan
 from atlantis_netcfg.qualify.search import RateLimit
 from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan
 from atlantis_netcfg.qualify.transfers import message_figures
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.qualify.samples import Sample
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 BEARERS = {bearer.name: bearer for bearer in DECLARED.sites["coastal"].bearers}

@@ -1,11 +1,11 @@
 """The figures of a run against the emulated link that it was measured over, and what may not pass."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Iterator
 from datetime import timedelta
 from decimal import Decimal
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -30,10 +30,6 @@ from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, Selecti
 from atlantis_netcfg.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.qualify.samples import SamplesUnreadable, read
 from atlantis_netcfg.qualify.search import RateLimit
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 
 def made(text: str, **changes: Any) -> QualifyRecord:  # noqa: ANN401 - fields of MeasuredRun

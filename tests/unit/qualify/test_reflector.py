@@ -1,32 +1,12 @@
 """What the reflector answers, and above all what it does not."""
 
-from __future__ import annotations
-
 import random
-from typing import TYPE_CHECKING
 
 import pytest
 from simulated_network import KEY, SECOND, SOURCE, START
 
+from atlantis_netcfg.qualify.reflector import stamp
 from atlantis_netcfg.qualify.reflector.answering import Reflector
-from atlantis_netcfg.qualify.reflector.stamp import (
-    CHUNK,
-    COUNTERS,
-    PADDING,
-    Acknowledgement,
-    MessageChunk,
-    ReflectorCounters,
-    ReflectorPacket,
-    SenderPacket,
-    Tlv,
-    decode_reflector,
-    ntp,
-    padding,
-    unix_ns,
-)
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.qualify.reflector.stamp import Tlvs
 
 LAST = 900 * SECOND
 
@@ -45,16 +25,16 @@ class FarEnd:
         return reply
 
     def ask(
-        self, sequence: int, *, session: int = 5, tlvs: Tlvs = (), source: tuple[str, int] = SOURCE
-    ) -> ReflectorPacket | None:
-        request = SenderPacket(sequence, ntp(self.now), 1, session, tlvs).encode(self.key)
+        self, sequence: int, *, session: int = 5, tlvs: stamp.Tlvs = (), source: tuple[str, int] = SOURCE
+    ) -> stamp.ReflectorPacket | None:
+        request = stamp.SenderPacket(sequence, stamp.ntp(self.now), 1, session, tlvs).encode(self.key)
         reply = self.raw(request, source)
-        return None if reply is None else decode_reflector(reply, self.key)
+        return None if reply is None else stamp.decode_reflector(reply, self.key)
 
-    def counters(self, sequence: int) -> ReflectorCounters:
-        reply = self.ask(sequence, tlvs=(Tlv(COUNTERS, bytes(16)),))
+    def counters(self, sequence: int) -> stamp.ReflectorCounters:
+        reply = self.ask(sequence, tlvs=(stamp.Tlv(stamp.COUNTERS, bytes(16)),))
         assert reply is not None
-        return ReflectorCounters.decode(reply.tlvs[0].value)
+        return stamp.ReflectorCounters.decode(reply.tlvs[0].value)
 
 
 @pytest.fixture
@@ -67,13 +47,15 @@ def test_an_answer_says_when_it_was_asked_and_numbers_itself(far: FarEnd) -> Non
     assert [(a.sequence, a.sender_sequence, a.sender_ttl) for a in answers if a] == [(0, 0, 61), (1, 3, 61), (2, 9, 61)]
     last = answers[-1]
     assert last is not None
-    assert (last.sender_timestamp, last.sender_error, last.session_id) == (ntp(START), 1, 5)
-    assert abs(unix_ns(last.timestamp) - unix_ns(last.received) - 500) <= 2
+    assert (last.sender_timestamp, last.sender_error, last.session_id) == (stamp.ntp(START), 1, 5)
+    assert abs(stamp.unix_ns(last.timestamp) - stamp.unix_ns(last.received) - 500) <= 2
 
 
 def test_an_answer_is_as_long_as_its_request(far: FarEnd) -> None:
     for number, size in enumerate((112, 116, 584, 1200)):
-        request = SenderPacket(number, ntp(START), 1, 5, padding(size, authenticated=True)).encode(KEY)
+        request = stamp.SenderPacket(number, stamp.ntp(START), 1, 5, stamp.padding(size, authenticated=True)).encode(
+            KEY
+        )
         reply = far.raw(request)
         assert reply is not None
         assert len(reply) == len(request) == size
@@ -81,9 +63,9 @@ def test_an_answer_is_as_long_as_its_request(far: FarEnd) -> None:
 
 def test_who_has_no_key_hears_nothing(far: FarEnd) -> None:
     strangers = [
-        SenderPacket(0, ntp(START), 1, 5).encode(),
-        SenderPacket(0, ntp(START), 1, 5, padding(500, authenticated=False)).encode(),
-        SenderPacket(0, ntp(START), 1, 5).encode(b"another key, also 32 octets long"),
+        stamp.SenderPacket(0, stamp.ntp(START), 1, 5).encode(),
+        stamp.SenderPacket(0, stamp.ntp(START), 1, 5, stamp.padding(500, authenticated=False)).encode(),
+        stamp.SenderPacket(0, stamp.ntp(START), 1, 5).encode(b"another key, also 32 octets long"),
         b"",
         bytes(2000),
     ]
@@ -101,7 +83,7 @@ def test_garbage_is_never_answered_with_a_key_and_never_longer_without() -> None
 
 
 def test_a_recorded_packet_is_answered_once(far: FarEnd) -> None:
-    recorded = SenderPacket(1, ntp(START), 1, 5).encode(KEY)
+    recorded = stamp.SenderPacket(1, stamp.ntp(START), 1, 5).encode(KEY)
     assert far.raw(recorded) is not None
     assert far.raw(recorded) is None
     assert far.raw(recorded, ("198.51.100.7", 1)) is None, "nor for another address"
@@ -109,7 +91,7 @@ def test_a_recorded_packet_is_answered_once(far: FarEnd) -> None:
 
 
 def test_a_recorded_session_is_not_played_again_when_it_is_forgotten(far: FarEnd) -> None:
-    recorded = [SenderPacket(n, ntp(START + n), 1, 5).encode(KEY) for n in range(3)]
+    recorded = [stamp.SenderPacket(n, stamp.ntp(START + n), 1, 5).encode(KEY) for n in range(3)]
     assert all(far.raw(packet) for packet in recorded)
     far.now += LAST + SECOND
     assert far.ask(0, session=6) is not None, "another session is, and lets the first be forgotten"
@@ -119,7 +101,7 @@ def test_a_recorded_session_is_not_played_again_when_it_is_forgotten(far: FarEnd
 
 def test_another_session_may_draw_the_same_identifier(far: FarEnd) -> None:
     """Of 65,535 identifiers a run of 60 streams draws one twice in 37 runs: a whole stream would be silent."""
-    recorded = [SenderPacket(n, ntp(START + n), 1, 5).encode(KEY) for n in range(9)]
+    recorded = [stamp.SenderPacket(n, stamp.ntp(START + n), 1, 5).encode(KEY) for n in range(9)]
     assert all(far.raw(packet) for packet in recorded)
     far.now += 5 * SECOND
     again = [far.ask(n, session=5) for n in range(3)]
@@ -129,7 +111,7 @@ def test_another_session_may_draw_the_same_identifier(far: FarEnd) -> None:
 
 
 def test_a_recording_does_not_slip_into_the_next_session_of_its_identifier(far: FarEnd) -> None:
-    recorded = [SenderPacket(n, ntp(START + n), 1, 5).encode(KEY) for n in range(9)]
+    recorded = [stamp.SenderPacket(n, stamp.ntp(START + n), 1, 5).encode(KEY) for n in range(9)]
     assert all(far.raw(packet) for packet in recorded)
     far.now += LAST + SECOND
     assert far.ask(0, session=6) is not None, "the first is forgotten"
@@ -152,7 +134,7 @@ def test_its_counters_tell_copies_and_refusals(far: FarEnd) -> None:
     far.ask(0)
     far.ask(1)
     far.ask(1)
-    assert far.counters(2) == ReflectorCounters(received=3, duplicates=1, limited=0, answered=2)
+    assert far.counters(2) == stamp.ReflectorCounters(received=3, duplicates=1, limited=0, answered=2)
     assert far.counters(3).received == 3, "questions for counters do not count"
 
 
@@ -162,20 +144,23 @@ def test_a_source_gets_its_rate_and_no_more() -> None:
     sent = 0
     for number in range(400):
         far.now += SECOND // 100
-        reply = far.ask(number, tlvs=padding(size, authenticated=True))
+        reply = far.ask(number, tlvs=stamp.padding(size, authenticated=True))
         sent += size if reply is not None else 0
     assert sent <= burst + 10_000 * 4 + size
     assert sent >= 10_000 * 4
     assert far.reflector.statistics.limited == far.counters(1000).limited > 0
-    other = SenderPacket(0, ntp(far.now), 1, 9).encode(KEY)
+    other = stamp.SenderPacket(0, stamp.ntp(far.now), 1, 9).encode(KEY)
     assert far.raw(other, ("198.51.100.7", 1)) is not None, "another source has its own"
 
 
 def test_unknown_extensions_come_back_marked() -> None:
     far = FarEnd(None)
-    reply = far.ask(0, tlvs=(Tlv(PADDING, bytes(8)), Tlv(77, b"what?")))
+    reply = far.ask(0, tlvs=(stamp.Tlv(stamp.PADDING, bytes(8)), stamp.Tlv(77, b"what?")))
     assert reply is not None
-    assert [(tlv.type, tlv.value, tlv.flags) for tlv in reply.tlvs] == [(PADDING, bytes(8), 0), (77, b"what?", 0x80)]
+    assert [(tlv.type, tlv.value, tlv.flags) for tlv in reply.tlvs] == [
+        (stamp.PADDING, bytes(8), 0),
+        (77, b"what?", 0x80),
+    ]
 
 
 def test_without_a_key_every_copy_is_answered() -> None:
@@ -190,8 +175,8 @@ def test_no_more_sessions_are_kept_than_there_is_room_for(far: FarEnd) -> None:
     assert len(far.reflector._sessions) <= 257
 
 
-def _chunk(index: int, data: bytes, *, asks: bool, count: int = 3) -> Tlvs:
-    return (Tlv(CHUNK, MessageChunk(4, 30, index, count, asks, data).encode().ljust(80, b"\0")),)
+def _chunk(index: int, data: bytes, *, asks: bool, count: int = 3) -> stamp.Tlvs:
+    return (stamp.Tlv(stamp.CHUNK, stamp.MessageChunk(4, 30, index, count, asks, data).encode().ljust(80, b"\0")),)
 
 
 def test_a_message_is_acknowledged_when_it_is_asked_for(far: FarEnd) -> None:
@@ -199,21 +184,21 @@ def test_a_message_is_acknowledged_when_it_is_asked_for(far: FarEnd) -> None:
     far.now += SECOND
     reply = far.ask(1, tlvs=_chunk(2, b"0123456789", asks=True))
     assert reply is not None
-    word = Acknowledgement.decode(reply.tlvs[0].value)
+    word = stamp.Acknowledgement.decode(reply.tlvs[0].value)
     assert (word.size, word.missing, word.indexes) == (20, 1, (1,))
-    assert unix_ns(word.last) - unix_ns(word.first) == SECOND
+    assert stamp.unix_ns(word.last) - stamp.unix_ns(word.first) == SECOND
     reply = far.ask(2, tlvs=_chunk(1, b"0123456789", asks=True))
     assert reply is not None
-    assert Acknowledgement.decode(reply.tlvs[0].value).missing == 0
+    assert stamp.Acknowledgement.decode(reply.tlvs[0].value).missing == 0
 
 
 def test_a_chunk_counts_once(far: FarEnd) -> None:
     for number in range(3):
         reply = far.ask(number, tlvs=_chunk(0, b"0123456789", asks=True))
     assert reply is not None
-    assert Acknowledgement.decode(reply.tlvs[0].value).size == 10
+    assert stamp.Acknowledgement.decode(reply.tlvs[0].value).size == 10
 
 
 def test_a_question_that_is_shorter_than_its_answer_gets_none(far: FarEnd) -> None:
-    tlvs = (Tlv(CHUNK, MessageChunk(4, 30, 0, 200, acknowledge=True).encode()),)
+    tlvs = (stamp.Tlv(stamp.CHUNK, stamp.MessageChunk(4, 30, 0, 200, acknowledge=True).encode()),)
     assert far.ask(0, tlvs=tlvs) is None

@@ -1,8 +1,7 @@
 """Several links, one after the other: limits hold for all together, and each link that was asked for has a result."""
 
-from __future__ import annotations
-
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from decimal import Decimal
@@ -18,7 +17,8 @@ from atlantis_netcfg.bearers.cost import Tariff, bill
 from atlantis_netcfg.cli.qualify import _capped, _preview
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration.model import Bearer
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
@@ -32,11 +32,7 @@ from atlantis_netcfg.qualify.record import make_record
 from atlantis_netcfg.qualify.session import EndReason, ReflectorPeer
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from atlantis_netcfg.cli._session import CommandSession
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Bearer
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 BEARERS = DECLARED.sites["coastal"].bearers

@@ -1,7 +1,5 @@
 """Packets of STAMP: every octet where RFC 8762 has it, and nothing read that the key did not make."""
 
-from __future__ import annotations
-
 import ast
 import struct
 from pathlib import Path

@@ -5,8 +5,6 @@ costs is known before it (test_messages, test_messages_down), no kernel's netem 
 is lost with each of its packets (test_messages). The bytes of DDS belong to `provision fit`.
 """
 
-from __future__ import annotations
-
 import io
 
 import pytest
@@ -253,8 +251,7 @@ def test_stopping_keeps_every_sample_and_a_cut_line_spoils_none() -> None:
     net.interrupt_at_ns = 30 * SECOND
     run(net, ReflectorPeer(KEY), [train], unlimited(net))
     text = recording.text.getvalue()
-    whole = train_figures(read(io.StringIO(text)), "train")
-    assert whole.loss.received == 118
+    assert train_figures(read(io.StringIO(text)), "train").loss.received == 118
     cut = text[: text.rindex('{"kind":"reply"') + 40]
     figures = train_figures(read(io.StringIO(cut)), "train")
     assert (figures.reason, figures.loss.received) == ("cut off", 117)

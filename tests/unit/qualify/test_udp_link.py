@@ -1,7 +1,5 @@
 """The link of known truth is what it says: its own counters and the times of arrival."""
 
-from __future__ import annotations
-
 import random
 import socket
 
@@ -40,8 +38,7 @@ def test_a_rate_is_kept_and_the_queue_is_bounded() -> None:
 @pytest.mark.parametrize("loss", [0.01, 0.2])
 def test_loss_is_random_and_as_much_as_it_says(loss: float) -> None:
     model = _model(LinkShape(loss=loss))
-    arrived = sum(bool(model.offer(100, n / 100)) for n in range(20_000))
-    assert arrived == 20_000 - model.lost
+    assert sum(bool(model.offer(100, n / 100)) for n in range(20_000)) == 20_000 - model.lost
     assert model.lost / 20_000 == pytest.approx(loss, rel=0.2)
 
 

@@ -1,10 +1,10 @@
 """What a run does while it sends: it ends where the router's session is lost, and where a person stops it."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import signal
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -18,14 +18,10 @@ from atlantis_netcfg.operations.qualify import run
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd
 from atlantis_netcfg.operations.qualify.run import LinkRun
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
-from atlantis_netcfg.routeros.api import Command, Reply
+from atlantis_netcfg.routeros.api import Command, Reply, Session
 
 if TYPE_CHECKING:
-    import threading
-    from collections.abc import Callable
-
     from atlantis_netcfg.operations.qualify.measure import Measurement
-    from atlantis_netcfg.routeros.api import Session
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 

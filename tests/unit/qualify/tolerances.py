@@ -1,7 +1,5 @@
 """The tolerances of docs/qualify.md: written there once, and read from there."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

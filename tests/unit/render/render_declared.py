@@ -1,18 +1,14 @@
 """The shipped inventory, read with the models alone: rendering must not need the loader."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 from pydantic import TypeAdapter
 
 from atlantis_netcfg.declaration.model import Device, Pilot, Router, Site
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 GOLDEN = Path(__file__).parent / "golden"

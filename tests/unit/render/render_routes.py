@@ -4,17 +4,12 @@ It shares no code with the package. Links are as they are in the end: of netwatc
 canary that stays silent is looked at; when it does so is for the twin to show.
 """
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from ipaddress import IPv4Network, ip_address, ip_interface, ip_network
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.rsc import Export
 
 BLACKHOLE = "blackhole"
 _LEAVES = re.compile(r'/ip route set \[find comment="([^"]+)"\] distance=(\d+)')

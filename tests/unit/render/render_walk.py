@@ -3,16 +3,14 @@
 A matcher or action that this walk does not know is an error, so that a new rule cannot pass unexamined.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from ipaddress import ip_address, ip_network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.rsc import Export, Statement
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
-
-    from atlantis_netcfg.rsc import Export, Statement
 
 _LOOKS = frozenset({"action", "chain", "comment", "jump-target", "limit", "log-prefix"})
 _BUILT_IN = ("input", "forward", "output", "dstnat", "srcnat")

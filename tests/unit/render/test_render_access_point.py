@@ -1,9 +1,6 @@
 """The router's access point: its text in either family of radio menus, and whom the twin then registers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import pytest
 from render_declared import declaration
@@ -11,11 +8,9 @@ from render_declared import declaration
 from atlantis_netcfg import rsc
 from atlantis_netcfg.declaration.model import Router, RouterAccessPoint
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec
+from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.spec import Environment, NearbyStation, Radio
 from atlantis_netcfg.render import router
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.answers import Caller
 
 DRIVERS = {"wifi": ("wifi-qcom", "wifi1"), "wireless": ("wireless", "wlan1")}
 KEY = "EXAMPLE-coastal-access-point"

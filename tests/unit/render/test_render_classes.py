@@ -1,7 +1,5 @@
 """Classes of traffic: who is marked, ahead of what, and the share of each queue on a thin link."""
 
-from __future__ import annotations
-
 import pytest
 from render_declared import Declaration, declaration, with_site
 

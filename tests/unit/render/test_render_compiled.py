@@ -1,17 +1,12 @@
 """Templates are compiled once: a start takes what an earlier one has compiled, unless something has changed."""
 
-from __future__ import annotations
-
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from jinja2 import Environment, FileSystemLoader
 
 from atlantis_netcfg.render import compiled
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.fixture

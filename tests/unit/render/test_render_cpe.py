@@ -1,11 +1,9 @@
 """The text of both ends of the Wi-Fi bridge: what it says, whom it lets in, and that both ends fit together."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from ipaddress import ip_address, ip_network
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from render_declared import GOLDEN, Declaration, declaration
@@ -16,9 +14,7 @@ from atlantis_netcfg.declaration.model import Cpe, Ptp, PtpProtocol
 from atlantis_netcfg.operations.kinds import ManagedCpe, families
 from atlantis_netcfg.render import RenderError, cpe, cpe_prerequisites, cpe_view
 from atlantis_netcfg.routeros import desired
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.rsc import Export
 
 ENDS = ("scc-cpe", "coastal-cpe")
 FAMILIES = ("wireless", "wifi")

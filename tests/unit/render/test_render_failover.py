@@ -1,7 +1,5 @@
 """Where the rendered routes lead while links fail."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import pytest

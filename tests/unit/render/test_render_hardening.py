@@ -1,7 +1,5 @@
 """Doors that are shut (MikroTik manual, "Securing your router"), and those that must stay open."""
 
-from __future__ import annotations
-
 import pytest
 from render_declared import SITES, declaration
 from test_render_text import parsed

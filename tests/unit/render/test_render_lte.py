@@ -1,14 +1,11 @@
 """The text of a MikroTik LTE box: as it is shipped, what it lets through, and that the device takes it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given as drawn
 from hypothesis import strategies as st
-from render_declared import GOLDEN, declaration
+from render_declared import GOLDEN, Host, declaration
 from render_walk import Packet, Walk
 
 from atlantis_netcfg import rsc
@@ -16,9 +13,6 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import LteDriver, LteRouter, Sim
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, ModemSpec, RouterSpec
 from atlantis_netcfg.render import RenderError, environment, lte, lte_prerequisites, lte_view
-
-if TYPE_CHECKING:
-    from render_declared import Host
 
 DECLARED = declaration()
 BOX = DECLARED.hosts["coastal-4g"]

@@ -1,17 +1,11 @@
 """Every row refers only to what stands further up: the text can be pasted from top to bottom."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pytest
 from render_declared import SITES
 from test_render_text import parsed
 
 from atlantis_netcfg.routeros.planner._firstmatch import Rule, insertion
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.rsc import Statement
+from atlantis_netcfg.rsc import Statement
 
 BUILT_IN = {
     "interface": {*(f"ether{number}" for number in range(1, 9)), "wifi1"},

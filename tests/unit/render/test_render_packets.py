@@ -1,7 +1,5 @@
 """What the rendered firewall lets through, packet by packet."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Network
 

@@ -1,7 +1,5 @@
 """Every menu, argument and enumerated word of the text exists in RouterOS' own command trees."""
 
-from __future__ import annotations
-
 import gzip
 import json
 from functools import cache

@@ -1,7 +1,5 @@
 """The text of a switch, and what its site's router has for it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any

@@ -1,9 +1,7 @@
 """The router twin takes the whole text, row by row and by /import, and keeps the technician's way in open."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from ipaddress import IPv4Interface
-from typing import TYPE_CHECKING
 
 import pytest
 from render_declared import SITES, declaration
@@ -12,14 +10,10 @@ from test_render_text import parsed
 from atlantis_netcfg import rsc
 from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
+from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.spec import Radio
 from atlantis_netcfg.render import prerequisites
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.emulator.routeros.answers import Caller
-    from atlantis_netcfg.rsc import Statement
+from atlantis_netcfg.rsc import Statement
 
 VERSIONS = ("7.18.2", "7.21.5")
 DECLARED = declaration()

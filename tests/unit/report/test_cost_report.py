@@ -1,7 +1,5 @@
 """The bill among the closing lines, in words and as JSON; what cost nothing has none."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from atlantis_netcfg.report.drift import DriftReport

@@ -1,7 +1,5 @@
 """Drift as text, JSON and JUnit: all of it from the same results."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from typing import Any

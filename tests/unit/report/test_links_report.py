@@ -1,7 +1,5 @@
 """Links as text, JSON and exit code: all of it from the same data."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

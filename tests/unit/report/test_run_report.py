@@ -1,7 +1,5 @@
 """The closing words of a run, and its exit code: the worst that happened to any device."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The last lines of a run: one verdict, counts that add up, the device that needs a person first, and what to do."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -110,8 +108,7 @@ def test_the_verdict_is_that_of_the_worst(
     devices: dict[str, dict[str, Any]], more: dict[str, Any], verdict: str
 ) -> None:
     report = RunReport("coastal", False, devices, **more)
-    lines = [plain(row) for row in report.summary().rows_for_screen(200)]
-    assert lines[1] == verdict
+    assert [plain(row) for row in report.summary().rows_for_screen(200)][1] == verdict
     assert ("[OK]" in verdict) <= (report.exit is ExitCode.DONE)
 
 

@@ -1,7 +1,5 @@
 """A checklist of coastal as the pages show it: every verdict, every kind, an override, open items, a photo."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 from datetime import UTC, datetime, timedelta

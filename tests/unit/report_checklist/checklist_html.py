@@ -1,17 +1,12 @@
 """The page read back: strictly balanced tags, its words, its links, the cells of its table."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
-from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.report._texts import uncoded
 from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.report.drift import clean
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.report import Document
 
 VOID = frozenset({"meta", "img", "br"})
 SVG_EMPTY = frozenset({"rect", "polyline"})
@@ -21,7 +16,7 @@ SVG_EMPTY = frozenset({"rect", "polyline"})
 class Element:
     tag: str
     attributes: dict[str, str]
-    children: list[Element | str] = field(default_factory=list)
+    children: "list[Element | str]" = field(default_factory=list)
 
     @property
     def words(self) -> str:
@@ -33,11 +28,11 @@ class Element:
         """Of it and of all inside."""
         return {name for one in self.every() for name in one.attributes.get("class", "").split()}
 
-    def every(self) -> list[Element]:
+    def every(self) -> "list[Element]":
         inside = [one for child in self.children if isinstance(child, Element) for one in child.every()]
         return [self, *inside]
 
-    def named(self, tag: str) -> list[Element]:
+    def named(self, tag: str) -> "list[Element]":
         return [one for one in self.every() if one.tag == tag]
 
 

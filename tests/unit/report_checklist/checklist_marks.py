@@ -1,19 +1,14 @@
 """A catalogue that shows where it was: each message that passes it stands between « and »."""
 
-from __future__ import annotations
-
 import re
 import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+
+import pytest
 
 from atlantis_netcfg.checklist.report import _pages
 from atlantis_netcfg.core.language import translate
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    import pytest
 
 
 def mark(text: str) -> str:

@@ -1,34 +1,14 @@
 """Documents as nobody would write them: any text, any order, rows without items, items without rows."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta, timezone
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import checklist_example as made
 from hypothesis import strategies as st
 
-from atlantis_netcfg.checklist.report import (
-    Document,
-    Drawing,
-    DrawnLink,
-    DrawnNode,
-    Evidence,
-    EvidenceType,
-    Item,
-    ItemChange,
-    ItemFinding,
-    ItemKind,
-    LeftOut,
-    Override,
-    Phase,
-    Row,
-    SinceGreen,
-)
+from atlantis_netcfg.checklist import report
 from atlantis_netcfg.core.events import Verdict
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -62,8 +42,8 @@ def _maybe(some: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
 
 
 EVIDENCE = st.builds(
-    Evidence,
-    type=st.sampled_from(EvidenceType),
+    report.Evidence,
+    type=st.sampled_from(report.EvidenceType),
     what=_WORDS,
     value=_WORDS,
     at=_maybe(_LOCAL),
@@ -72,29 +52,29 @@ EVIDENCE = st.builds(
     sha256=_maybe(st.sampled_from([made.sha256(made.photo()), "0" * 64])),
 )
 ITEMS = st.builds(
-    Item,
+    report.Item,
     id=_WORDS,
     title=_WORDS,
     vehicle=_maybe(_KEYS),
     location=_KEYS,
     endpoint=_COLUMNS,
     table3=st.booleans(),
-    kind=st.sampled_from(ItemKind),
-    phase=st.sampled_from(Phase),
+    kind=st.sampled_from(report.ItemKind),
+    phase=st.sampled_from(report.Phase),
     open=st.booleans(),
     verdict=_VERDICTS,
     message=_WORDS,
     hint=_maybe(_WORDS),
     findings=st.lists(
-        st.builds(ItemFinding, verdict=_VERDICTS, code=_WORDS, message=_WORDS, hint=_maybe(_WORDS)), max_size=2
+        st.builds(report.ItemFinding, verdict=_VERDICTS, code=_WORDS, message=_WORDS, hint=_maybe(_WORDS)), max_size=2
     ).map(tuple),
     evidence=st.lists(EVIDENCE, max_size=2).map(tuple),
     at=_maybe(_TIMES),
     seconds=_maybe(st.floats(0, 1e6)),
-    override=_maybe(st.builds(Override, reason=_WORDS, by=_WORDS, at=_TIMES)),
+    override=_maybe(st.builds(report.Override, reason=_WORDS, by=_WORDS, at=_TIMES)),
 )
 ROWS = st.builds(
-    Row,
+    report.Row,
     key=_KEYS,
     name=_WORDS,
     kind=st.sampled_from(["auv", "location", "<i>"]),
@@ -105,18 +85,18 @@ ROWS = st.builds(
 )
 _KINDS = st.sampled_from(["router", "cpe", "gateway", "vehicle", "vpn_server", "site", "partner", "odd"])
 _REFERRED = st.lists(_WORDS, max_size=2).map(tuple)
-NODES = st.builds(DrawnNode, key=_KEYS, label=_WORDS, kind=_KINDS, items=_REFERRED, detail=_WORDS)
+NODES = st.builds(report.DrawnNode, key=_KEYS, label=_WORDS, kind=_KINDS, items=_REFERRED, detail=_WORDS)
 LINKS = st.builds(
-    DrawnLink, a=_KEYS, b=_KEYS, label=_WORDS, kind=st.sampled_from(["vpn", "wifi", "ethernet"]), items=_REFERRED
+    report.DrawnLink, a=_KEYS, b=_KEYS, label=_WORDS, kind=st.sampled_from(["vpn", "wifi", "ethernet"]), items=_REFERRED
 )
 DRAWINGS = st.builds(
-    Drawing, nodes=st.lists(NODES, max_size=5).map(tuple), links=st.lists(LINKS, max_size=6).map(tuple)
+    report.Drawing, nodes=st.lists(NODES, max_size=5).map(tuple), links=st.lists(LINKS, max_size=6).map(tuple)
 )
-CHANGES = st.builds(ItemChange, id=_WORDS, before=_maybe(_VERDICTS), after=_maybe(_VERDICTS), message=_WORDS)
+CHANGES = st.builds(report.ItemChange, id=_WORDS, before=_maybe(_VERDICTS), after=_maybe(_VERDICTS), message=_WORDS)
 
 
 @st.composite
-def documents(draw: st.DrawFn) -> Document:
+def documents(draw: st.DrawFn) -> report.Document:
     rows = draw(st.lists(ROWS, max_size=3, unique_by=lambda row: (row.key, row.kind == "location")))
     return made.example(
         run=draw(_WORDS),
@@ -130,19 +110,21 @@ def documents(draw: st.DrawFn) -> Document:
         columns=draw(st.sampled_from([made.COLUMNS, (), ("wifi",)])),
         rows=tuple(rows),
         items=tuple(draw(st.lists(ITEMS, max_size=5))),
-        left_out=tuple(draw(st.lists(st.builds(LeftOut, what=_WORDS, why=_WORDS), max_size=2))),
+        left_out=tuple(draw(st.lists(st.builds(report.LeftOut, what=_WORDS, why=_WORDS), max_size=2))),
         notes=tuple(draw(st.lists(_WORDS, max_size=2))),
         not_rehearsed=tuple(draw(st.lists(_WORDS, max_size=2))),
         broken=tuple(draw(st.lists(_WORDS, max_size=2))),
         drawing=draw(DRAWINGS),
         since_green=draw(
-            _maybe(st.builds(SinceGreen, run=_WORDS, at=_TIMES, changes=st.lists(CHANGES, max_size=2).map(tuple)))
+            _maybe(
+                st.builds(report.SinceGreen, run=_WORDS, at=_TIMES, changes=st.lists(CHANGES, max_size=2).map(tuple))
+            )
         ),
         signed=draw(st.sampled_from([None, made.signature()])),
     )
 
 
-def hostile(every: Sequence[str] = HOSTILE) -> Document:
+def hostile(every: Sequence[str] = HOSTILE) -> report.Document:
     """Everything that people and devices can write, in every place where they can."""
     items = [
         made.item(
@@ -151,18 +133,22 @@ def hostile(every: Sequence[str] = HOSTILE) -> Document:
             words,
             title=words,
             hint=words,
-            findings=(ItemFinding(verdict=Verdict.FAIL, code="code", message=f"{words} again", hint=f"other {words}"),),
-            evidence=(
-                Evidence(type=EvidenceType.CONFIRMED, what=words, value=words, by=words, at=made.AT),
-                Evidence(type=EvidenceType.FILE, what=words, value=words, file=words, sha256="0" * 64),
+            findings=(
+                report.ItemFinding(verdict=Verdict.FAIL, code="code", message=f"{words} again", hint=f"other {words}"),
             ),
-            override=Override(reason=words, by=words, at=made.AT) if number % 2 else None,
+            evidence=(
+                report.Evidence(type=report.EvidenceType.CONFIRMED, what=words, value=words, by=words, at=made.AT),
+                report.Evidence(type=report.EvidenceType.FILE, what=words, value=words, file=words, sha256="0" * 64),
+            ),
+            override=report.Override(reason=words, by=words, at=made.AT) if number % 2 else None,
         )
         for number, words in enumerate(every)
     ]
     short = [words for words in every if len(words) < 1000]
-    nodes = [DrawnNode(key=words, label=words, kind="vehicle", detail=words) for words in short]
-    links = [DrawnLink(a=words, b=short[0], label=words, kind="wifi", items=("sparus/wifi/0",)) for words in short]
+    nodes = [report.DrawnNode(key=words, label=words, kind="vehicle", detail=words) for words in short]
+    links = [
+        report.DrawnLink(a=words, b=short[0], label=words, kind="wifi", items=("sparus/wifi/0",)) for words in short
+    ]
     return made.example(
         items=tuple(items),
         title="".join(short),
@@ -170,6 +156,6 @@ def hostile(every: Sequence[str] = HOSTILE) -> Document:
         broken=tuple(short),
         notes=tuple(short),
         not_rehearsed=tuple(short),
-        left_out=tuple(LeftOut(what=words, why=words) for words in short),
-        drawing=Drawing(nodes=tuple(nodes), links=tuple(links)),
+        left_out=tuple(report.LeftOut(what=words, why=words) for words in short),
+        drawing=report.Drawing(nodes=tuple(nodes), links=tuple(links)),
     )

@@ -1,7 +1,5 @@
 """Whatever a document holds, every page can be made of it, hides no item, and does no harm."""
 
-from __future__ import annotations
-
 import re
 import sys
 import unicodedata

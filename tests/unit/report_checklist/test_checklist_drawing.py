@@ -1,30 +1,22 @@
 """Where things stand in the drawing, what it says in words, and that it is the site of the declaration."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import checklist_example as made
 import pytest
 from checklist_strategies import DRAWINGS, hostile
 from hypothesis import given, settings
 
-from atlantis_netcfg.checklist import plan
+from atlantis_netcfg.checklist import Checklist, plan
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.report import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
-from atlantis_netcfg.checklist.report._shapes import ASCII, DARK, SYMBOLS, TINTS, ShownState, Tint
+from atlantis_netcfg.checklist.report._shapes import ASCII, DARK, SYMBOLS, TINTS, Badge, DrawnBox, ShownState, Tint
 from atlantis_netcfg.checklist.report._svg import described, layout
-from atlantis_netcfg.declaration import load
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist import Checklist
-    from atlantis_netcfg.checklist.report._shapes import Badge, DrawnBox
-    from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.declaration import Declaration, load
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 SVG = "{http://www.w3.org/2000/svg}"

@@ -1,16 +1,11 @@
 """The checklist in Jenkins: what is not green there, and nothing else, is not green here."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
-from typing import TYPE_CHECKING
 
 import checklist_example as made
 
+from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.report._pages import junit
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.report import Document
 
 
 def read(document: Document) -> ET.Element:

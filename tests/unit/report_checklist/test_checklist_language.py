@@ -1,10 +1,8 @@
 """Every text of the pages passes the catalogue exactly once; what devices and people have said stays as it is."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import checklist_example as made
 import pytest
@@ -18,9 +16,6 @@ from atlantis_netcfg.checklist.report._pdf._sheet import _all_glyphs
 from atlantis_netcfg.checklist.report._shapes import ShownState
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 SAID = "value `x` of a device"
 
@@ -79,8 +74,7 @@ def test_every_text_of_the_page_is_translated_once(name: str) -> None:
     shown = CASES[name]()
     page = parsed(html(shown, made.files()))
     safe(page)
-    text = "\n".join(visible_texts(page.root))
-    assert rest_of(without_marks(text), values(shown)) == []
+    assert rest_of(without_marks("\n".join(visible_texts(page.root))), values(shown)) == []
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -1,11 +1,9 @@
 """What a console shows, word for word; `golden/` holds it."""
 
-from __future__ import annotations
-
 import io
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import checklist_example as made
 import pytest
@@ -16,9 +14,6 @@ from atlantis_netcfg.checklist.report._shapes import ASCII, state
 from atlantis_netcfg.checklist.report._words import to_look_at
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import show
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 GOLDEN = Path(__file__).with_name("golden")
 

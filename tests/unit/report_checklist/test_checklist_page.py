@@ -1,7 +1,5 @@
 """The page: whole, safe, with every item; what it looks like is looked at in tests/integration/report_pages."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re

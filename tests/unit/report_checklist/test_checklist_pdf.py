@@ -1,7 +1,5 @@
 """The PDF's fonts and bytes; its words are read back by a stranger in tests/integration/report_pages."""
 
-from __future__ import annotations
-
 import checklist_example as made
 import pytest
 from checklist_strategies import SHORT, hostile

@@ -1,19 +1,13 @@
 """Photos as evidence: shown as they are, made smaller, or only named; what is another file is said loudly."""
 
-from __future__ import annotations
-
 import io
-from typing import TYPE_CHECKING
 
 import checklist_example as made
 import pytest
 from PIL import Image
 
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, _pages
-from atlantis_netcfg.checklist.report._pages import attached
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.report._pages import Attached
+from atlantis_netcfg.checklist.report._pages import Attached, attached
 
 
 def picture(kind: str, width: int = 40, height: int = 30, **more: object) -> bytes:

@@ -1,7 +1,5 @@
 """Every verdict, open or not, overridden or not: what it is called, and that all pages agree on what is green."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

@@ -1,19 +1,13 @@
 """The two programs of a retrieval as modules, and the shipped pilot with one declared."""
 
-from __future__ import annotations
-
 import importlib.util
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import Any
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Retrieval, ServerComputer
-
-if TYPE_CHECKING:
-    from types import ModuleType
-
-    from atlantis_netcfg.declaration import Declaration
 
 ROOT = Path(__file__).parents[3]
 SHIPPED = load(ROOT / "inventory")

@@ -1,7 +1,5 @@
 """A robot's recordings: what the gateway's program collects, and what it says where that cannot be."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

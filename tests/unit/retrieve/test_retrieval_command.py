@@ -1,23 +1,18 @@
 """`provision retrieve` as it is typed, with a stand-in for ssh that answers in the place of the gateway."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hints_said import advised, said
 from retrieval_programs import CENTRE, GATEWAY, KEY, ROBOT, with_retrieval
 
 from atlantis_netcfg.cli import _session, links, main
+from atlantis_netcfg.cli._arguments import Arguments
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.cli._arguments import Arguments
 
 SSH = """\
 #!/bin/sh
@@ -137,8 +132,7 @@ def test_over_a_metered_link_nothing_is_sent_without_consent_nor_beyond_the_cap(
 
 def test_it_goes_over_the_link_that_the_router_says_and_is_whole_when_the_gateway_says_so(desk: Desk) -> None:
     in_use(desk, "4g")
-    printed = desk.type("files=bag-*", "--accept-cost")
-    assert "3 files: the same SHA-256 at both ends" in printed
+    assert "3 files: the same SHA-256 at both ends" in desk.type("files=bag-*", "--accept-cost")
     job = desk.job()
     assert (job["link"], job["pattern"], job["agreed_bytes"], job["silence_s"]) == ("4g", "bag-*", 200_000, 120)
     assert job["cap_bytes"] is not None

@@ -1,7 +1,5 @@
 """What a transfer takes and costs before it begins, how it stands, and how a command ends by that."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 
@@ -12,16 +10,8 @@ from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.declaration.model import RetrievalPriority
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.retrieval import PACKAGES, SERVICE, retrieval
+from atlantis_netcfg.operations import retrieve
 from atlantis_netcfg.operations.costs import link_of
-from atlantis_netcfg.operations.retrieve import (
-    SHARES,
-    RetrievalPlan,
-    RetrievalSelection,
-    RetrievalStatus,
-    duration,
-    plan,
-    source_at,
-)
 from atlantis_netcfg.operations.retrieve_rehearsed import with_example
 
 LOOK = {"files": 4, "bytes": 10_000_000, "compared": 0, "kept": 2, "writing": 1, "unnamed": 0, "before": 1.0}
@@ -41,26 +31,26 @@ TOLD = {
 DECLARED = with_retrieval()
 
 
-def planned(link: str, priority: str = "low", **look: Any) -> RetrievalPlan:  # noqa: ANN401 - of a look
+def planned(link: str, priority: str = "low", **look: Any) -> retrieve.RetrievalPlan:  # noqa: ANN401 - of a look
     declaration = with_retrieval(sources=[{"host": GATEWAY, "priority": priority}])
-    return plan(declaration, source_at(declaration, "coastal", None)[0], link, {**LOOK, **look})
+    return retrieve.plan(declaration, retrieve.source_at(declaration, "coastal", None)[0], link, {**LOOK, **look})
 
 
-def status(over: str = "satellite", **told: Any) -> RetrievalStatus:  # noqa: ANN401 - of a gateway
-    return RetrievalStatus({**TOLD, **told}, link_of(SHIPPED, "coastal", over))
+def status(over: str = "satellite", **told: Any) -> retrieve.RetrievalStatus:  # noqa: ANN401 - of a gateway
+    return retrieve.RetrievalStatus({**TOLD, **told}, link_of(SHIPPED, "coastal", over))
 
 
 @pytest.mark.parametrize("priority", list(RetrievalPriority))
 def test_the_rate_is_the_share_of_the_declared_upward_rate(priority: RetrievalPriority) -> None:
     made = planned("satellite", priority.value)
-    assert made.rate_bps == round(SHARES[priority] * made.bearer.rate.up_kbps * 1000)
+    assert made.rate_bps == round(retrieve.SHARES[priority] * made.bearer.rate.up_kbps * 1000)
     assert made.seconds >= 8 * made.wire_bytes / made.rate_bps
 
 
 def test_what_is_told_of_the_cost_is_that_of_the_wire_and_the_job_is_bound_by_it() -> None:
     made = planned("satellite")
     assert made.cost.bill.payload_bytes == made.wire_bytes > 1.2 * LOOK["bytes"]
-    job = made.job(RetrievalSelection("bag-*"), "number")
+    job = made.job(retrieve.RetrievalSelection("bag-*"), "number")
     link = link_of(SHIPPED, "coastal", "satellite")
     assert link.cap_bytes is not None
     assert job["cap_bytes"] == min(round(made.wire_bytes * 1.25), link.cap_bytes)
@@ -111,28 +101,32 @@ def test_what_it_has_cost_is_told_while_it_goes_on_and_at_its_end() -> None:
 
 
 def test_the_source_is_the_one_of_the_site_or_the_named_one() -> None:
-    assert source_at(DECLARED, "coastal", None)[1].name == source_at(DECLARED, "coastal", GATEWAY)[1].name == GATEWAY
+    assert (
+        retrieve.source_at(DECLARED, "coastal", None)[1].name
+        == retrieve.source_at(DECLARED, "coastal", GATEWAY)[1].name
+        == GATEWAY
+    )
     with pytest.raises(UsageError, match="no recordings of it are declared") as near:
-        source_at(DECLARED, "coastal", "coastal-gatway")
+        retrieve.source_at(DECLARED, "coastal", "coastal-gatway")
     assert near.value.hint is not None
     assert "from=coastal-gateway" in near.value.hint
     with pytest.raises(UsageError, match="one site at a time"):
-        source_at(DECLARED, "all", None)
+        retrieve.source_at(DECLARED, "all", None)
     with pytest.raises(NothingMatched, match="no recordings of te4sea"):
-        source_at(DECLARED, "te4sea", None)
+        retrieve.source_at(DECLARED, "te4sea", None)
     with pytest.raises(NothingMatched, match="no recordings are declared"):
-        source_at(SHIPPED, "coastal", None)
+        retrieve.source_at(SHIPPED, "coastal", None)
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (119, "119 s"), (120, "2 min"), (12_000, "3 h 20 min")])
 def test_a_time_is_told_as_people_say_it(seconds: float, text: str) -> None:
-    assert duration(seconds) == text
+    assert retrieve.duration(seconds) == text
 
 
 def test_without_a_declaration_a_rehearsal_has_an_example_and_changes_no_other() -> None:
     declaration, words = with_example(SHIPPED, "te4sea")
     assert words == "no recordings are declared to be retrieved: this is an example, from te4sea-gateway to scc-control"
-    assert source_at(declaration, "te4sea", None)[1].name == "te4sea-gateway"
+    assert retrieve.source_at(declaration, "te4sea", None)[1].name == "te4sea-gateway"
     assert SHIPPED.pilot.retrieval is None
     assert with_example(DECLARED, "coastal") == (DECLARED, None)
     with pytest.raises(NothingMatched, match="scc has no gateway in the VPN"):

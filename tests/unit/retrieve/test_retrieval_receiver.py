@@ -1,15 +1,11 @@
 """What a gateway may do at the control centre: the words that are admitted, the paths, and what is said of a file."""
 
-from __future__ import annotations
-
 import hashlib
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from retrieval_programs import program
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 RECEIVER = program("retrieval_receive")
 DATA = b"bag" * 1000

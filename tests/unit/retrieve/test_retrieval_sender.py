@@ -1,17 +1,13 @@
 """The gateway's program: what it would send, how it reads the end of a program, its rate and its cap."""
 
-from __future__ import annotations
-
 import json
 import os
 import time
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from retrieval_programs import program
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 NOW = time.time()
 

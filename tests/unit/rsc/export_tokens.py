@@ -4,8 +4,6 @@ Lines are joined, cut into words at spaces outside quotes and brackets, and valu
 device holds. Nothing is known of menus; a path ends at the first word that is a command.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 

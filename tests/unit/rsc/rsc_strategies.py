@@ -1,7 +1,5 @@
 """Hypothesis strategies for export text."""
 
-from __future__ import annotations
-
 from hypothesis import strategies as st
 
 from atlantis_netcfg.rsc import Export, Statement
@@ -33,7 +31,6 @@ _targets = st.text(alphabet=_LETTERS + " \n*0,$", min_size=1, max_size=90)
 
 @st.composite
 def statements(draw: st.DrawFn) -> Statement:
-    """Any statement that a text can hold."""
     rows = st.sampled_from(("none", "find", "target"))
     verb = draw(st.one_of(st.just("add"), _verbs))
     kind = "none" if verb == "add" else draw(rows)
@@ -49,7 +46,6 @@ def statements(draw: st.DrawFn) -> Statement:
 
 @st.composite
 def exports(draw: st.DrawFn) -> Export:
-    """Any export that a text can hold; some of its menus are empty."""
     rows = tuple(draw(st.lists(statements(), max_size=5)))
     menus: dict[str, None] = {}
     for row in rows:

@@ -1,17 +1,12 @@
 """No export in this repository holds a secret, or a datum of a person or of a device that exists."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator
 from ipaddress import ip_address, ip_network
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from row_subtests import for_each_row
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 TESTS = Path(__file__).parents[2]
 FOLDERS = ("unit", "data", "integration")

@@ -1,7 +1,5 @@
 """Whole exports: printing what was read loses nothing, going by a reader that is not ours, and is stable."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

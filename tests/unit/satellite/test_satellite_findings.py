@@ -1,7 +1,5 @@
 """Names that move, addresses behind NAT, boxes in the wrong subnet, and what probes prove."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import date
 from pathlib import Path

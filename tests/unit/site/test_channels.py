@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from atlantis_netcfg.declaration.channels import BANDS, RANGES, WIDTHS, is_channel, legal, why_illegal

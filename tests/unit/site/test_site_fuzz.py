@@ -1,7 +1,5 @@
 """Whatever a person does to the inventory ends in findings at places that exist, in our own words."""
 
-from __future__ import annotations
-
 import copy
 import random
 import shutil

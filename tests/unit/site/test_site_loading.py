@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import cProfile
 import errno
 import inspect
@@ -11,20 +9,17 @@ import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 import atlantis_netcfg.declaration
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import Declaration, InventoryInvalid, choose, load, report, rules, validate
 from atlantis_netcfg.declaration.model import Cpe, Router
 from atlantis_netcfg.declaration.rules import management
 from atlantis_netcfg.render import router
 from bench.many import many, name
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.core.secret import Secret
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 ROUTER = "host_vars/coastal-router.yml"
@@ -84,8 +79,7 @@ def test_files_are_named_as_a_person_here_would_type_them(inventory: Path, monke
     edit(inventory / "hosts.yml", "            scc-cpe:\n", "            scc_cpe:\n")
     assert {finding.file for finding in validate(inventory.absolute())} >= {"inventory/hosts.yml"}
     monkeypatch.chdir("/")
-    elsewhere = validate(Path(os.path.relpath(SHIPPED)))
-    assert elsewhere == []
+    assert validate(Path(os.path.relpath(SHIPPED))) == []
 
 
 def test_variables_of_a_site_in_a_folder(inventory: Path) -> None:

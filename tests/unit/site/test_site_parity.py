@@ -1,7 +1,5 @@
 """Ansible reads the inventory as we do: the same hosts in the same groups with the same values."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,20 +1,15 @@
 """Emulated voyages for tests, and surveys that are written by hand."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.emulator.coverage import Coverage, PlaceTruth, out_and_back, two_masts
+from atlantis_netcfg.qualify.samples import Sample
 from atlantis_netcfg.qualify.session import ReflectorPeer
-from atlantis_netcfg.survey.measure import LinkTester, RadioSample, RunningSurvey, SurveyPlan
+from atlantis_netcfg.survey.measure import LinkTester, RadioReader, RadioSample, RunningSurvey, SurveyPlan
 from atlantis_netcfg.survey.points import Survey, SurveyEnd, SurveyHeader, SurveyPoint
 from atlantis_netcfg.survey.rehearsed import KEY, DeclaredRate, Voyage, VoyageRadio
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.qualify.samples import Sample
-    from atlantis_netcfg.survey.measure import RadioReader
 
 PORT = (41.6864, -8.8388)
 """The report's point in the port."""
@@ -24,8 +19,6 @@ BEGUN = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)
 
 @dataclass
 class Told:
-    """Stands for a unit: it says what is on the air."""
-
     truth: PlaceTruth | None = None
     carries: str | None = "4g"
     reads: int = 0

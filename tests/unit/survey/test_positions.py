@@ -1,7 +1,5 @@
 """What counts as a position, and the words for what does not."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from typing import Any
 

@@ -1,8 +1,6 @@
 """What a person may type wrong, and the small words of the command."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from survey_examples import point, sailing
@@ -12,9 +10,6 @@ from atlantis_netcfg.cli.survey import _by_clicks, _line
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.qualify.session import EndReason
 from atlantis_netcfg.survey.site import TypedPositions
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,10 @@
 """A survey's file, and what is made of it."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from survey_examples import header, point, survey
@@ -16,12 +14,7 @@ from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.survey.exports import COLUMNS, csv_table, geojson, named_coast, read_coast
 from atlantis_netcfg.survey.kept import export, kept_survey, outcome
 from atlantis_netcfg.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, html, layers
-from atlantis_netcfg.survey.points import SURVEY_FILE, SurveyEnd, SurveyUnreadable, SurveyWriter, read_survey
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.survey.points import Survey
+from atlantis_netcfg.survey.points import SURVEY_FILE, Survey, SurveyEnd, SurveyUnreadable, SurveyWriter, read_survey
 
 HERE = {"latitude": 41.6864, "longitude": -8.8388}
 HEARD = {"registration": "registered_home", "technology": "lte", "cell": "3103242", "rsrp_dbm": -95.0}
@@ -119,8 +112,7 @@ def test_a_point_without_a_value_is_said_so_and_says_why() -> None:
 
 @pytest.mark.parametrize("scale", SCALES, ids=lambda scale: scale.name)
 def test_bands_and_their_words_agree(scale: BandScale) -> None:
-    words = list(scale.words())
-    assert len(words) == len(scale.limits) + 1 <= len(SHAPES)
+    assert len(list(scale.words())) == len(scale.limits) + 1 <= len(SHAPES)
     better = 0.01 if scale.falls else -0.01
     assert [scale.band(limit + better) for limit in scale.limits] == list(range(len(scale.limits)))
     assert [scale.band(limit - better) for limit in scale.limits] == list(range(1, len(scale.limits) + 1))

@@ -1,24 +1,17 @@
 """An hour of a survey on an emulated voyage: places, values, bytes. It lasts a second."""
 
-from __future__ import annotations
-
 from statistics import median
-from typing import TYPE_CHECKING
 
 import pytest
-from survey_examples import RATE, Told, sailing
+from survey_examples import RATE, Sailing, Told, sailing
 
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
+from atlantis_netcfg.emulator.coverage import PlaceTruth
 from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE, CHUNK_HEADER_SIZE, HMAC_TLV_SIZE
 from atlantis_netcfg.qualify.samples import MessageEnded
 from atlantis_netcfg.qualify.session import EndReason
 from atlantis_netcfg.survey.measure import ANOTHER_LINK, BUDGET, NO_ANSWER, STOPPED, HourlyBudgetError, SurveyPlan
-
-if TYPE_CHECKING:
-    from survey_examples import Sailing
-
-    from atlantis_netcfg.emulator.coverage import PlaceTruth
-    from atlantis_netcfg.survey.points import SurveyPoint
+from atlantis_netcfg.survey.points import SurveyPoint
 
 HEADERS = 28
 NEAR_M = 10.0

@@ -1,7 +1,5 @@
 """Before and after the link: what is asked of a module, and what becomes of all that a gateway says."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import re
@@ -15,14 +13,9 @@ from ansible.module_utils.testing import patch_module_args
 from ansible.plugins.action import ActionBase
 from impostor import HOSTILE, control_characters
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import zipapp_action
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import zipapp_action as thin
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import (
-    ZipappAction,
-    answer,
-    checked,
-    masked,
-)
 
 ROOT = Path(__file__).parents[3]
 MODULES = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules"
@@ -69,14 +62,14 @@ def test_a_module_is_an_ordinary_module_as_well(capsys: pytest.CaptureFixture[st
 
 
 def test_parameters_are_complete_and_of_their_types() -> None:
-    parameters, secrets, wrong = checked(
+    parameters, secrets, wrong = zipapp_action.checked(
         "configure", {"files": [{"path": "/a", "content": 1}], "units": [{"name": "b"}]}
     )
     assert (wrong, secrets) == (None, set())
     (file,), (unit,) = parameters["files"], parameters["units"]
     assert (file["content"], file["mode"], file["validate"], file["secret_content"]) == ("1", "0644", [], None)
     assert (unit["enabled"], unit["wait"], parameters["absent"], parameters["way_in"]) == (None, True, [], None)
-    assert checked("clock", {"now": "12.5"})[0] == {"now": 12.5, "tolerance_s": 300}
+    assert zipapp_action.checked("clock", {"now": "12.5"})[0] == {"now": 12.5, "tolerance_s": 300}
 
 
 @pytest.mark.parametrize(
@@ -91,30 +84,30 @@ def test_parameters_are_complete_and_of_their_types() -> None:
     ],
 )
 def test_what_is_wrong_is_told_before_anything_is_sent(name: str, arguments: dict[str, Any], words: str) -> None:
-    wrong = checked(name, arguments)[2]
+    wrong = zipapp_action.checked(name, arguments)[2]
     assert wrong is not None
     assert re.search(words, wrong), wrong
 
 
 def test_rules_between_parameters_hold_too() -> None:
     told = {"by": "netplan", "interface": "e", "address": "a", "gateway": "g", "path": "/p", "content": "c"}
-    assert checked("network", {**told, "action": "stage"})[2] is None
+    assert zipapp_action.checked("network", {**told, "action": "stage"})[2] is None
     assert "action is look but all of the following are missing: name" in str(
-        checked("network", {**told, "action": "look"})[2]
+        zipapp_action.checked("network", {**told, "action": "look"})[2]
     )
 
 
 def test_a_secret_is_shown_nowhere() -> None:
-    _, secrets, _ = checked("build", BUILD)
+    _, secrets, _ = zipapp_action.checked("build", BUILD)
     assert secrets == {TOKEN}
-    shown = masked(
+    shown = zipapp_action.masked(
         {"msg": f"git said {TOKEN}", "notes": [TOKEN], "changed": True, "deep": {"a": [f"x{TOKEN}"]}}, secrets
     )
     assert TOKEN not in repr(shown)
     assert shown["changed"] is True
-    _, secrets, wrong = checked("build", {**BUILD, "jobs": TOKEN})
-    assert TOKEN not in masked({"msg": str(wrong)}, secrets)["msg"]
-    cut = masked(answer(said("", f"Traceback\nValueError: {TOKEN}\n", 1), "build"), secrets)
+    _, secrets, wrong = zipapp_action.checked("build", {**BUILD, "jobs": TOKEN})
+    assert TOKEN not in zipapp_action.masked({"msg": str(wrong)}, secrets)["msg"]
+    cut = zipapp_action.masked(zipapp_action.answer(said("", f"Traceback\nValueError: {TOKEN}\n", 1), "build"), secrets)
     assert TOKEN not in repr(cut)
     assert cut["failed"] is True
 
@@ -123,12 +116,12 @@ def test_the_last_marked_line_is_the_result_whatever_is_said_around_it() -> None
     around = (
         f"Welcome aboard\n{MARK}broken\n{MARK}" + '{"changed": false}\n' + f'{MARK}{{"changed": true, "a": "\u2028"}}\n'
     )
-    assert answer(said(f"{around}bye\n"), "clock") == {"changed": True, "a": "\u2028"}
+    assert zipapp_action.answer(said(f"{around}bye\n"), "clock") == {"changed": True, "a": "\u2028"}
 
 
 def test_what_only_ansible_may_say_is_not_taken_from_a_gateway() -> None:
     told = f'{MARK}{{"ansible_facts": {{"a": 1}}, "_ansible_no_log": false, "changes": ["{{{{ 1 + 1 }}}}"]}}\n'
-    assert answer(said(told), "clock") == {"changes": ["{{ 1 + 1 }}"]}
+    assert zipapp_action.answer(said(told), "clock") == {"changes": ["{{ 1 + 1 }}"]}
 
 
 @pytest.mark.parametrize(
@@ -146,13 +139,13 @@ def test_what_only_ansible_may_say_is_not_taken_from_a_gateway() -> None:
     ],
 )
 def test_a_module_that_tells_no_result_has_failed(output: dict[str, Any], words: str, hint: str) -> None:
-    told = answer(output, "clock")
+    told = zipapp_action.answer(output, "clock")
     assert told["failed"] is True
     assert words in told["msg"]
     assert hint in told["hint"]
 
 
-class Asks(ZipappAction):
+class Asks(zipapp_action.ZipappAction):
     """Asks a gateway that says this, or raises it."""
 
     module = "clock"
@@ -230,11 +223,10 @@ def test_no_role_uses_an_action_that_prints_a_gateway_s_words_as_they_are() -> N
 
 def test_what_only_ansible_prints_as_its_own_is_not_taken_from_a_gateway() -> None:
     told = {"warnings": ["a"], "deprecations": [{"msg": "b"}], "exception": "c", "msg": "d"}
-    assert answer(said(f"{MARK}{json.dumps(told)}\n"), "clock") == {"msg": "d"}
+    assert zipapp_action.answer(said(f"{MARK}{json.dumps(told)}\n"), "clock") == {"msg": "d"}
 
 
 def _texts(told: Any) -> list[str]:  # noqa: ANN401 - JSON
-    """Every text in it, keys as well."""
     if isinstance(told, dict):
         return [text for key, value in told.items() for text in (str(key), *_texts(value))]
     return [text for one in told for text in _texts(one)] if isinstance(told, list) else [str(told)]

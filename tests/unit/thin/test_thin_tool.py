@@ -1,7 +1,5 @@
 """The program that goes to a gateway: always the same bytes, whole or not at all in its place, and what it can do."""
 
-from __future__ import annotations
-
 import ast
 import errno
 import io

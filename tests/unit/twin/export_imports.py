@@ -5,15 +5,13 @@
 An import of the device stops at its first error. Here each line has its turn: one refusal does not hide the others.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros import ModemSpec
 from atlantis_netcfg.emulator.routeros.boot import SYSTEM
@@ -22,9 +20,6 @@ from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.schema import PACKAGE_MENUS
 from atlantis_netcfg.emulator.routeros.spec import ManagementSpec, Radio, RouterSpec, User
 from atlantis_netcfg.routeros.menus import MENUS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
 
 _VERSION = re.compile(r"^# .*by RouterOS (\d\S*)", re.MULTILINE)
 _MODEL = re.compile(r"^# model = (\S+)", re.MULTILINE)
@@ -74,14 +69,11 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A line that the twin did not take, and its words."""
-
     line: Line
     words: str
 
     @property
     def cause(self) -> Cause:
-        """Tell whether the refusal is right."""
         if self.words.startswith("not rehearsed by the twin"):
             return Cause.NOT_REHEARSED
         if self.words.startswith("input does not match any value of") and _BY_ID.search(self.line.whole):
@@ -91,8 +83,6 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What became of one export."""
-
     version: str
     lines: tuple[Line, ...]
     refusals: tuple[Refusal, ...]
@@ -100,7 +90,6 @@ class Imported:
 
 
 def lines_of(text: str) -> Iterator[Line]:
-    """Yield the commands of an export."""
     menu, start, parts = "/", 0, list[str]()
     for number, raw in enumerate(text.replace("\r\n", "\n").split("\n"), start=1):
         start = start if parts else number
@@ -148,7 +137,6 @@ def spec_of(text: str) -> RouterSpec:
 
 
 def imported(text: str) -> Imported:
-    """Import an export into a twin of its device."""
     spec = spec_of(text)
     device = Device(spec, lambda: 1000.0)
     lines = tuple(lines_of(text))
@@ -174,13 +162,11 @@ def figures(imports: Iterable[Imported]) -> dict[str, Counter[str]]:
 
 
 def row(name: str, refusal: Refusal) -> str:
-    """One line of a list of refusals."""
     shown = " ".join(refusal.line.whole.split())
     return "\t".join((name, str(refusal.line.number), refusal.line.menu, refusal.cause, refusal.words, shown))
 
 
 def main() -> None:
-    """Write what became of the exports in these folders."""
     files = [path for folder in sys.argv[1:] for path in sorted(Path(folder).rglob("*.rsc"))]
     results = {path: imported(path.read_bytes().decode("utf-8", "surrogateescape")) for path in files}
     for path, result in results.items():

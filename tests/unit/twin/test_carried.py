@@ -1,7 +1,5 @@
 """Packets that somebody else has carried: the router leads and counts them by its own rows, right or wrong."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -46,7 +44,6 @@ def counter(made: Bench, menu: str, name: str, query: str) -> str:
 
 
 def counted(made: Bench) -> dict[str, tuple[str, str]]:
-    """Packets up and down by port."""
     return {
         port: (
             counter(made, "/ip/firewall/mangle", "packets", f"?out-interface={port}"),

@@ -1,7 +1,5 @@
 """Sentences and their replies, as data: `cases/*.yml`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Scripts of `/execute`: the subset, its quoting, its error texts (Manual, Scripting; Manual, Console)."""
 
-from __future__ import annotations
-
 from row_subtests import for_each_row
 from twin_bench import make
 
@@ -80,8 +78,7 @@ PUT = [
 
 @for_each_row(("text", "printed"), PUT)
 def test_put(text: str, printed: str) -> None:
-    router = make()
-    assert router.script(text) == printed
+    assert make().script(text) == printed
 
 
 REFUSED = [

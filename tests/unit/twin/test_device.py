@@ -1,7 +1,5 @@
 """Sessions, time, flash: what the wire builds on."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from datetime import UTC, datetime
@@ -57,8 +55,7 @@ def test_who_is_there() -> None:
 
 
 def test_quit() -> None:
-    router = make()
-    assert router.say("/quit") == ["!fatal session terminated on request"]
+    assert make().say("/quit") == ["!fatal session terminated on request"]
 
 
 def test_listen_tells_changes_until_it_is_cancelled() -> None:

@@ -1,7 +1,5 @@
 """Export text: what it shows, what it hides, and that it goes back in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -118,8 +116,7 @@ def test_what_our_templates_render_goes_in_and_comes_back(site: Path, version: s
     assert adopted in exported
     # A factory-new router holds show-at-login=no although the default is yes, and an export leaves out defaults.
     text = "/system note set show-at-login=yes\n" + exported.replace(adopted, "")
-    third = make(version=version, **BOARD, seed=text)
-    assert third.text() == exported
+    assert make(version=version, **BOARD, seed=text).text() == exported
     assert print_export(parse(exported)) == exported
 
 

@@ -1,7 +1,5 @@
 """What real exports hold and a twin once refused, each beside what it has to refuse as before."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path
@@ -142,8 +140,7 @@ CASES: list[tuple[str, str, str | None]] = [
 @pytest.mark.parametrize(("version", "lines", "words"), CASES, ids=[f"{case[0]} {case[1][:70]}" for case in CASES])
 def test_lines_of_exports(version: str, lines: str, words: str | None) -> None:
     router = make(version=version, packages=("routeros", "wifi-qcom"), radios=(Radio(name="wifi1"),))
-    error = run_file(router.device.core, SYSTEM, lines).error
-    assert error == words
+    assert run_file(router.device.core, SYSTEM, lines).error == words
 
 
 def test_a_cloud_hosted_router_has_no_switch_chip() -> None:

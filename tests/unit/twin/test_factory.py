@@ -1,24 +1,18 @@
 """A twin as it comes out of its box, and the certificates that are made on it."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import ssl
 import time
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from cryptography import x509
 
 from atlantis_netcfg.emulator.routeros import Device, EmulatedRouter, ManagementSpec, RouterSpec, User
+from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.rsc import parse
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.emulator.routeros.answers import Caller
 
 LAPTOP = ManagementSpec(address="192.168.88.1/24", port="ether2", technician="192.168.88.10")
 FACTORY = RouterSpec(

@@ -1,7 +1,5 @@
 """Files, import, export over the API, backup."""
 
-from __future__ import annotations
-
 from twin_bench import Bench, make
 
 

@@ -1,7 +1,5 @@
 """Netwatch, check-gateway and scripts of netwatch, on a clock turned by hand (`network/failover.py`)."""
 
-from __future__ import annotations
-
 import pytest
 from twin_bench import Bench, make
 

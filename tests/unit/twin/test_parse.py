@@ -1,7 +1,5 @@
 """`:put [:parse "..."]` and `/console/inspect` of the twin, in the words that devices were recorded with."""
 
-from __future__ import annotations
-
 import pytest
 from row_subtests import for_each_row
 from twin_bench import make

@@ -1,7 +1,5 @@
 """What shuts the technician out, and what does not."""
 
-from __future__ import annotations
-
 import pytest
 from row_subtests import for_each_row
 from twin_bench import make

@@ -1,23 +1,17 @@
 """What real devices said, as data: `tests/data/recorded/cases.jsonl`, a case a row."""
 
-from __future__ import annotations
-
 import json
 import shlex
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from row_subtests import for_each_row
+from row_subtests import Test, for_each_row
 from twin_bench import Bench, make, row
 
 from atlantis_netcfg.emulator.routeros.spec import ManagementSpec, User
 from atlantis_netcfg.emulator.routeros.values import Address, Time, interval, seconds
 from atlantis_netcfg.routeros.menus._values import PropertyKind, canonical
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from row_subtests import Test
 
 FILE = Path(__file__).parents[2] / "data" / "recorded" / "cases.jsonl"
 DOORS = frozenset({"address", "api", "execute", "fields", "inspect", "listen", "parse", "time"})
@@ -26,19 +20,16 @@ CASES = [case for case in ALL if case["door"] in DOORS]
 
 
 def through(*doors: str) -> Callable[[Test], Test]:
-    """Run a test for every case of these doors."""
     chosen = [case for case in CASES if case["door"] in doors]
     return for_each_row("case", chosen, ids=lambda case: f"{case['door']} {case['version']} {case['input'][:60]}")
 
 
 def chr_(version: str) -> Bench:
-    """Return what the records were made on: one port, no PoE."""
     port = {"ports": ("ether1",), "poe_ports": (), "management": ManagementSpec(port="ether1")}
     return make(version=version, board="CHR", architecture="x86_64", users=(User(name="provision"),), **port)
 
 
 def printed(router: Bench, case: dict[str, Any]) -> str:
-    """Return what the device says through the door of the case."""
     text: str = case["input"]
     if case["door"] == "time":
         return interval(seconds(Time().typed(text)) or 0.0)

@@ -1,7 +1,5 @@
 """Which routes are active: distance, scopes, recursion, tables (Manual, IP Routing)."""
 
-from __future__ import annotations
-
 from twin_bench import Bench, make
 
 from atlantis_netcfg.emulator.routeros.values import spell

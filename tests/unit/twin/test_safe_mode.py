@@ -1,7 +1,5 @@
 """Limits (a) to (d) of safe mode (Manual, Configuration Management), and the history under it."""
 
-from __future__ import annotations
-
 import pytest
 from twin_bench import Bench, make
 

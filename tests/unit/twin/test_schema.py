@@ -1,7 +1,5 @@
 """The vocabulary: RouterOS' own trees, what they lack, and our table of menus held against them."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from importlib import resources
@@ -193,8 +191,7 @@ def test_shapes_are_those_of_the_tree(path: str) -> None:
 
 
 def test_every_exported_menu_has_its_place() -> None:
-    exported = {path for path, menu in MODELLED.items() if menu.exported}
-    assert exported == set(EXPORT_ORDER)
+    assert {path for path, menu in MODELLED.items() if menu.exported} == set(EXPORT_ORDER)
 
 
 def test_offered_values() -> None:

@@ -1,17 +1,11 @@
 """Whatever is done can be undone exactly: content, position and id."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.answers import Caller
 
 NUMBERS = st.integers(0, 5)
 RULES = "/ip/firewall/filter"

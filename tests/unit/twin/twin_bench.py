@@ -1,15 +1,11 @@
 """A router twin on a clock that tests turn by hand."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec, User
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
 
 TECHNICIAN = "10.64.101.10"
 ROUTER = "10.64.101.1"
@@ -35,12 +31,10 @@ class Bench:
         return [line(answer) for answer in self.device.run(by or self.caller, words)]
 
     def script(self, text: str) -> str:
-        """Run a script and return what it printed."""
         (reply,) = self.device.run(self.caller, ["/execute", f"=script={text}", "=as-string="])
         return reply.words[0].removeprefix("=ret=")
 
     def value(self, menu: str, name: str, *queries: str) -> str | None:
-        """Return one property of the first row that fits."""
         for answer in self.device.run(self.caller, [f"{menu}/print", *queries]):
             if answer.kind == "!re":
                 return row(answer).get(name)
@@ -76,5 +70,4 @@ USERS = (
 
 
 def make(**spec: Any) -> Bench:  # noqa: ANN401 - whatever a spec takes
-    """Return a router with the users above and a session of the first."""
     return Bench(RouterSpec(**{"name": "router", "users": USERS, **spec}))

@@ -1,11 +1,11 @@
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from atlantis_netcfg.emulator.routeros import RunningSite, TwinRefused
+from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
@@ -19,11 +19,6 @@ from atlantis_netcfg.emulator.routeros.spec import (
     User,
     Validity,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from atlantis_netcfg.emulator.routeros.answers import Answer
 
 CLOCK = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 SEED = """
@@ -48,8 +43,6 @@ add address=192.0.2.123
 
 
 class Box:
-    """One router twin; `rows` asks its API as an admin."""
-
     def __init__(self, **around: Any) -> None:  # noqa: ANN401 - fields of Around
         spec = RouterSpec(
             name="box",
@@ -190,8 +183,7 @@ def test_dates_of_a_certificate() -> None:
 
 def test_the_place_changes_under_a_router_at_work() -> None:
     box = Box(loads={"ether1": Load()}, tunnels={"ovpn-scc": "10.80.0.11/16"})
-    told = move(box.device.core, {"tunnels": {}})
-    assert told["tunnels"] == {}
+    assert move(box.device.core, {"tunnels": {}})["tunnels"] == {}
     assert box.rows("/interface/ovpn-client/print")[0]["running"] == "false"
     assert box.poe("ether1")[0]["poe-out-status"] == "powered-on"
     for nonsense in ({"moods": 1}, {"tunnels": {"ovpn-scc": "nowhere"}}):

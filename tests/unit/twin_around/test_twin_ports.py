@@ -1,7 +1,5 @@
 """What a router twin says of its ports: their links, and whom its bridge has heard on them."""
 
-from __future__ import annotations
-
 import pytest
 from test_twin_around import Box
 

@@ -1,42 +1,23 @@
 """What no program on every computer can be compared with: iw, timedatectl, chronyc, and what is not there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from atlantis_netcfg.asbuilt import computer as record
-from atlantis_netcfg.checklist.probes import CommandResult
-from atlantis_netcfg.checklist.probes.wifi import (
-    Station,
-    WifiLink,
-    read_link,
-    read_rules,
-    read_station,
-    read_type,
-    read_width,
-)
+from atlantis_netcfg.checklist.probes import CommandResult, wifi
 from atlantis_netcfg.core.reading_programs import PROGRAMS, allowed
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.linux import (
-    AssociationSpec,
-    Computer,
-    ComputerSpec,
-    InterfaceSpec,
-    OfferSpec,
-    TimeSpec,
-    lan_computer,
-)
+from atlantis_netcfg.emulator import linux
 
 NOW = 1795341600.0
 BSSID = "02:00:5E:00:FD:01"
-HEARD = AssociationSpec(ssid="EXAMPLE-SPARUS", bssid=BSSID, frequency_mhz=5500, rate_mbps=144.4)
+HEARD = linux.AssociationSpec(ssid="EXAMPLE-SPARUS", bssid=BSSID, frequency_mhz=5500, rate_mbps=144.4)
 
 
-def spec(**changes: Any) -> ComputerSpec:  # noqa: ANN401 - fields of ComputerSpec
-    made = lan_computer(
+def spec(**changes: Any) -> linux.ComputerSpec:  # noqa: ANN401 - fields of ComputerSpec
+    made = linux.lan_computer(
         "gateway",
         address="10.64.1.10/24",
         mac="02:00:5E:00:01:10",
@@ -46,78 +27,78 @@ def spec(**changes: Any) -> ComputerSpec:  # noqa: ANN401 - fields of ComputerSp
     return made.model_copy(update=changes)
 
 
-def radio(**changes: Any) -> ComputerSpec:  # noqa: ANN401 - fields of InterfaceSpec
+def radio(**changes: Any) -> linux.ComputerSpec:  # noqa: ANN401 - fields of InterfaceSpec
     own: dict[str, Any] = {"name": "wlan1", "mac": "02:00:5E:00:FE:01", "wireless": True, "association": HEARD}
-    return spec(interfaces=(*spec().interfaces, InterfaceSpec(**{**own, **changes})))
+    return spec(interfaces=(*spec().interfaces, linux.InterfaceSpec(**{**own, **changes})))
 
 
-def out(made: ComputerSpec, words: str) -> str:
-    rc, told, errors = Computer(made, lambda: NOW).answer(words.split())
+def out(made: linux.ComputerSpec, words: str) -> str:
+    rc, told, errors = linux.Computer(made, lambda: NOW).answer(words.split())
     assert (rc, errors) == (0, "")
     return told
 
 
 def test_an_association_is_read_from_what_iw_prints() -> None:
-    link = read_link(out(radio(), "iw dev wlan1 link"))
-    assert link == WifiLink(
+    link = wifi.read_link(out(radio(), "iw dev wlan1 link"))
+    assert link == wifi.WifiLink(
         bssid=BSSID, ssid="EXAMPLE-SPARUS", frequency_mhz=5500, signal_dbm=-52.0, rx_mbps=144.4, tx_mbps=144.4
     )
-    station = read_station(out(radio(), "iw dev wlan1 station dump"), BSSID)
-    assert station == Station(signal_dbm=-52.0, chains_dbm=(-54.0, -55.0), rx_mbps=144.4, tx_mbps=144.4)
+    station = wifi.read_station(out(radio(), "iw dev wlan1 station dump"), BSSID)
+    assert station == wifi.Station(signal_dbm=-52.0, chains_dbm=(-54.0, -55.0), rx_mbps=144.4, tx_mbps=144.4)
     told = out(radio(), "iw dev wlan1 info")
-    assert (read_type(told), read_width(told)) == ("managed", 20)
+    assert (wifi.read_type(told), wifi.read_width(told)) == ("managed", 20)
     assert "channel 100 (5500 MHz)" in told
-    assert read_rules(out(radio(), "iw reg get")).countries == ("PT",)
+    assert wifi.read_rules(out(radio(), "iw reg get")).countries == ("PT",)
 
 
 @pytest.mark.parametrize("changes", [{"association": None}, {"up": False}])
 def test_a_radio_without_an_access_point(changes: dict[str, Any]) -> None:
-    assert read_link(out(radio(**changes), "iw dev wlan1 link")) == WifiLink()
+    assert wifi.read_link(out(radio(**changes), "iw dev wlan1 link")) == wifi.WifiLink()
     assert out(radio(**changes), "iw dev wlan1 station dump") == ""
 
 
 def test_a_radio_that_is_an_access_point_itself_on_the_lower_band() -> None:
     heard = HEARD.model_copy(update={"frequency_mhz": 2437})
     told = out(radio(type="AP", association=heard), "iw dev wlan1 info")
-    assert read_type(told) == "AP"
+    assert wifi.read_type(told) == "AP"
     assert "channel 6 (2437 MHz)" in told
 
 
 @pytest.mark.parametrize("name", ["eth0", "wlan7"])
 def test_what_is_no_radio_is_none_to_iw(name: str) -> None:
-    assert Computer(radio()).answer(["iw", "dev", name, "link"])[0] == 237
+    assert linux.Computer(radio()).answer(["iw", "dev", name, "link"])[0] == 237
 
 
 @pytest.mark.parametrize(
     ("time", "lines"),
     [
-        (TimeSpec(), ("Timezone=Europe/Lisbon", "NTPSynchronized=yes", "TimeUSec=Sun 2026-11-22 10:00:00 WET")),
-        (TimeSpec(synchronised=False, ntp=False), ("NTP=no", "NTPSynchronized=no")),
-        (TimeSpec(offset_s=-3600, zone="Etc/UTC"), ("Timezone=Etc/UTC", "TimeUSec=Sun 2026-11-22 09:00:00 UTC")),
+        (linux.TimeSpec(), ("Timezone=Europe/Lisbon", "NTPSynchronized=yes", "TimeUSec=Sun 2026-11-22 10:00:00 WET")),
+        (linux.TimeSpec(synchronised=False, ntp=False), ("NTP=no", "NTPSynchronized=no")),
+        (linux.TimeSpec(offset_s=-3600, zone="Etc/UTC"), ("Timezone=Etc/UTC", "TimeUSec=Sun 2026-11-22 09:00:00 UTC")),
     ],
     ids=("healthy", "not set", "behind"),
 )
-def test_the_clock_as_timedatectl_tells(time: TimeSpec, lines: tuple[str, ...]) -> None:
+def test_the_clock_as_timedatectl_tells(time: linux.TimeSpec, lines: tuple[str, ...]) -> None:
     assert set(lines) <= set(out(spec(time=time), "timedatectl show").splitlines())
 
 
 def test_chrony_as_it_tells() -> None:
     told = out(spec(), "chronyc -n -c tracking").strip().split(",")
     assert (len(told), told[1], told[2], told[-1]) == (14, "192.0.2.123", "3", "Normal")
-    lost = out(spec(time=TimeSpec(synchronised=False)), "chronyc -n -c tracking").strip().split(",")
+    lost = out(spec(time=linux.TimeSpec(synchronised=False)), "chronyc -n -c tracking").strip().split(",")
     assert (len(lost), lost[2], lost[-1]) == (14, "0", "Not synchronised")
     assert out(spec(), "chronyc -n -c sources").startswith("^,*,192.0.2.123,")
-    stopped = Computer(spec(time=TimeSpec(chrony=False))).answer(["chronyc", "-n", "-c", "tracking"])
+    stopped = linux.Computer(spec(time=linux.TimeSpec(chrony=False))).answer(["chronyc", "-n", "-c", "tracking"])
     assert stopped == (1, "", "506 Cannot talk to daemon\n")
 
 
 def test_its_clock_is_as_wrong_as_it_is_told() -> None:
-    assert Computer(spec(time=TimeSpec(offset_s=-2.5)), lambda: NOW).now == NOW - 2.5
+    assert linux.Computer(spec(time=linux.TimeSpec(offset_s=-2.5)), lambda: NOW).now == NOW - 2.5
 
 
 @pytest.mark.parametrize("words", ["openssl version", "ethtool eth0", "rm -rf /"])
 def test_a_program_that_is_not_there_is_not_found(words: str) -> None:
-    computer = Computer(spec(lacks=("openssl",)))
+    computer = linux.Computer(spec(lacks=("openssl",)))
     program = words.split(maxsplit=1)[0]
     assert computer.answer(words.split()) == (127, "", f"sh: 1: {program}: not found\n")
     assert computer.heard == [tuple(words.split())]
@@ -131,7 +112,7 @@ def test_a_program_that_is_not_there_is_not_found(words: str) -> None:
     ],
 )
 def test_what_it_does_not_print_fails_as_the_program_would(words: str) -> None:
-    rc, told, errors = Computer(radio()).answer(words.split())
+    rc, told, errors = linux.Computer(radio()).answer(words.split())
     assert rc != 0
     assert not told
     assert errors
@@ -139,17 +120,17 @@ def test_what_it_does_not_print_fails_as_the_program_would(words: str) -> None:
 
 def test_files_that_may_not_be_read() -> None:
     made = spec(denied=("/etc/secret",))
-    assert Computer(made).answer(["cat", "/etc/secret"]) == (1, "", "cat: /etc/secret: Permission denied\n")
-    assert Computer(made).answer(["openssl", "storeutl", "/etc/secret"])[0] == 1
+    assert linux.Computer(made).answer(["cat", "/etc/secret"]) == (1, "", "cat: /etc/secret: Permission denied\n")
+    assert linux.Computer(made).answer(["openssl", "storeutl", "/etc/secret"])[0] == 1
 
 
 def test_offers_by_the_name_of_an_interface_and_by_its_address() -> None:
-    own = OfferSpec(server="10.64.1.1", mac="02:00:5E:00:FF:01", address="10.64.1.100", router="10.64.1.1")
-    assert Computer(spec()).offers("eth0") == Computer(spec()).offers("10.64.1.10") == (own,)
-    assert Computer(spec()).offers("wlan9") is None
-    assert Computer(spec()).offers("10.64.1.77") is None
+    own = linux.OfferSpec(server="10.64.1.1", mac="02:00:5E:00:FF:01", address="10.64.1.100", router="10.64.1.1")
+    assert linux.Computer(spec()).offers("eth0") == linux.Computer(spec()).offers("10.64.1.10") == (own,)
+    assert linux.Computer(spec()).offers("wlan9") is None
+    assert linux.Computer(spec()).offers("10.64.1.77") is None
     down = spec().interfaces[0].model_copy(update={"up": False})
-    assert Computer(spec(interfaces=(down,))).offers("eth0") == ()
+    assert linux.Computer(spec(interfaces=(down,))).offers("eth0") == ()
 
 
 def test_pings_that_get_lost_and_pings_that_find_no_way() -> None:
@@ -157,18 +138,18 @@ def test_pings_that_get_lost_and_pings_that_find_no_way() -> None:
     told = out(spec(echoes=lossy), "ping -n -c 20 -i 0.2 -W 2 10.64.1.23")
     assert "20 packets transmitted, 15 received, 25% packet loss, time 3800ms" in told
     assert "time=1.50 ms" in told
-    nobody = Computer(spec()).answer(["ping", "-n", "-c", "20", "-i", "0.2", "-W", "2", "10.64.1.99"])
+    nobody = linux.Computer(spec()).answer(["ping", "-n", "-c", "20", "-i", "0.2", "-W", "2", "10.64.1.99"])
     assert nobody[0] == 1
     assert "20 packets transmitted, 0 received, +20 errors, 100% packet loss" in nobody[1]
-    lost = Computer(spec(routes=())).answer(["ping", "-n", "-c", "1", "-W", "1", "192.0.2.7"])
+    lost = linux.Computer(spec(routes=())).answer(["ping", "-n", "-c", "1", "-W", "1", "192.0.2.7"])
     assert lost == (2, "", "ping: connect: Network is unreachable\n")
-    assert Computer(spec()).answer(["ping", "-n", "-c", "1", "-W", "1", "192.0.2.7"])[0] == 1
+    assert linux.Computer(spec()).answer(["ping", "-n", "-c", "1", "-W", "1", "192.0.2.7"])[0] == 1
 
 
 def test_a_specification_survives_json_and_refuses_what_is_none() -> None:
-    assert ComputerSpec.model_validate_json(radio().model_dump_json()) == radio()
+    assert linux.ComputerSpec.model_validate_json(radio().model_dump_json()) == radio()
     with pytest.raises(ValueError, match="extra"):
-        ComputerSpec.model_validate({"interfaces": (), "moods": "bad"})
+        linux.ComputerSpec.model_validate({"interfaces": (), "moods": "bad"})
 
 
 KEY = "AAAAC3NzaC1lZDI1NTE5AAAAIFKQGZBNVvtFUBKh9M3hn32GLhs4YL2nAOVhTh+/LFUl"
@@ -185,7 +166,7 @@ def test_a_computer_says_what_it_is_as_the_record_asks() -> None:
         "/proc/device-tree/model": "EXAMPLE board\0",
         HOST_KEY: f"ssh-ed25519 {KEY} root@gateway\n",
     }
-    made = Computer(spec(files=files, packages={"chrony": "4.3-2+deb12u1", "bash": "5.2.15-2+b8"}))
+    made = linux.Computer(spec(files=files, packages={"chrony": "4.3-2+deb12u1", "bash": "5.2.15-2+b8"}))
     packages = ("chrony", "gpsd")
     printed = {name: made.answer(question.argv) for name, question in record.questions(host, packages)}
     lines = "chrony=4.3-2+deb12u1=installed\n"
@@ -225,11 +206,11 @@ def test_a_computer_says_what_it_is_as_the_record_asks() -> None:
 )
 def test_what_it_says_of_itself_in_the_words_of_the_programs(words: str, answer: tuple[int, str, str]) -> None:
     made = spec(denied=("/etc/secret",), packages={"chrony": "4.3-2", "bash": "5.2.15-2+b8"})
-    assert Computer(made).answer(words.split()) == answer
+    assert linux.Computer(made).answer(words.split()) == answer
 
 
 def test_every_program_of_the_list_has_its_twin() -> None:
     programs = {words.split()[0] for words in PROGRAMS}
-    made = Computer(spec())
+    made = linux.Computer(spec())
     assert {program for program in programs if made.answer((program,))[0] == 127} == set()
     assert not allowed(("sh", "-c", "true"))

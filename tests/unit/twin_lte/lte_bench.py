@@ -1,21 +1,15 @@
 """A router twin with a modem, and what the reader of bearers makes of it."""
 
-from __future__ import annotations
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
-
+from atlantis_netcfg.bearers.lte import LteReading
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
+from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import CellSpec, ModemSpec, RouterSpec, SimSpec, User
 
-if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.lte import LteReading
-    from atlantis_netcfg.emulator.routeros.answers import Answer
-
 
 class Box:
-    """One LTE box; `say` sends words of the API as an admin."""
-
     def __init__(self, *, pin: str = "", version: str = "7.18.2", sim: bool = True, **cell: Any) -> None:  # noqa: ANN401
         card = SimSpec(pin=pin) if sim else None
         modem = ModemSpec(sim=card, cell=CellSpec(**cell))

@@ -1,7 +1,5 @@
 """Which radios find each other: cases as data, each one change to two ends that agree."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

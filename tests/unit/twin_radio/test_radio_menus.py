@@ -1,7 +1,5 @@
 """The radio menus of the twin: rows of the board, profiles that are inherited, what is refused."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,16 +1,11 @@
 """A console session on a device with a clock of its own, without sockets."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.shell.keys import split_login
 from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession, DirectTalk
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 PASSWORD = "open sesame"
 TECHNICIAN = "10.64.101.10"
@@ -27,8 +22,6 @@ class Clock:
 
 
 class Bench:
-    """A device, and terminals on it."""
-
     def __init__(self, **spec: object) -> None:
         users = (
             User(name="admin", password=PASSWORD),
@@ -38,7 +31,7 @@ class Bench:
         self.clock = Clock()
         self.device = Device(RouterSpec.model_validate({"name": "router", "users": users, **spec}), self.clock)
 
-    def terminal(self, login: str = "admin+cet80w", *, sized: bool = True) -> Terminal:
+    def terminal(self, login: str = "admin+cet80w", *, sized: bool = True) -> "Terminal":
         return Terminal(self, login, sized=sized)
 
     def text(self) -> str:
@@ -50,8 +43,6 @@ class Bench:
 
 
 class Terminal:
-    """Somebody who has logged in and types."""
-
     def __init__(self, bench: Bench, login: str, *, sized: bool) -> None:
         self._bench = bench
         user, screen = split_login(login)
@@ -68,7 +59,6 @@ class Terminal:
         return text
 
     def type(self, text: str, *, cut: bool = False) -> str:
-        """Type, all at once or byte by byte."""
         data = text.encode(errors="surrogateescape")
         asyncio.run(self._feed([data[at : at + 1] for at in range(len(data))] if cut else [data]))
         return self.shown()

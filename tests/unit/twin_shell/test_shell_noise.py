@@ -1,9 +1,8 @@
 """Whatever is typed, however it is cut: the console answers in its own words and shows the same."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
@@ -11,10 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shell_bench import PASSWORD, TECHNICIAN, Bench
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.emulator.routeros.schema import Schema
+from atlantis_netcfg.emulator.routeros.schema import Schema
 
 WORDS = (
     *("/ip address", "print", " ", "where", "name", "=", "~", '"', "[", "]", "find", "\\", "$x", ":put"),

@@ -1,7 +1,5 @@
 """Safe mode of the console is the same object as the API's: who holds it, who robs whom, and what stays."""
 
-from __future__ import annotations
-
 import pytest
 from shell_bench import PASSWORD, TECHNICIAN, Bench
 

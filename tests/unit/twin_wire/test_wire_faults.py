@@ -1,7 +1,6 @@
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING, Literal
+from pathlib import Path
+from typing import Literal
 
 import pytest
 from librouteros.exceptions import ConnectionClosed
@@ -9,9 +8,7 @@ from wire_helpers import Client, now, router, run
 
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, FaultKind, LinkFault, WireBehaviour
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
+pytestmark = pytest.mark.coroutine(run=run)
 PRINT = "/system/identity/print"
 RENAME = ("/system/identity/set", "=name=renamed")
 LOST = (ConnectionClosed, ConnectionResetError)
@@ -22,175 +19,139 @@ def renamed(twin: EmulatedRouter) -> bool:
 
 
 @pytest.mark.parametrize("when", ["before", "after"])
-def test_a_cut_at_the_nth_sentence(tmp_path: Path, when: Literal["before", "after"]) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            twin.arm(LinkFault(do=FaultKind.DROP, sentence=3, when=when))
-            await client.login()
-            await client.talk(PRINT)
-            client.write(RENAME, (PRINT,))
-            with pytest.raises(LOST):
-                await client.answer()
-            assert renamed(twin) is (when == "after")
-            assert [command[0] for command in twin.connections()[0].sentences] == ["/login", PRINT, RENAME[0]]
-
-    run(main())
-
-
-def test_a_cut_at_a_sentence_of_a_menu(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            twin.arm(LinkFault(do=FaultKind.DROP, match="/system/identity/*"))
-            await client.login()
-            await client.talk("/ip/pool/print")
-            client.write(RENAME)
-            assert not await client.ends()
-
-    run(main())
-
-
-def test_a_clean_drop_undoes_safe_mode_two_seconds_later(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            await client.talk("/safe-mode/take")
-            await client.talk(*RENAME)
-            twin.drop()
-            await asyncio.sleep(2)
-            assert renamed(twin)
-            await asyncio.sleep(0.2)
-            assert not renamed(twin)
-
-    run(main())
-
-
-def test_a_pulled_cable_undoes_safe_mode_only_after_the_time_out(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            await client.talk("/safe-mode/take")
-            await client.talk(*RENAME)
-            twin.vanish()
-            client.write((PRINT,))
-            await asyncio.sleep(539)
-            assert renamed(twin)
-            assert client.silent
-            await asyncio.sleep(4)
-            assert not renamed(twin)
-            assert client.silent
-
-    run(main())
-
-
-def test_an_answer_that_stops_midway(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            twin.arm(LinkFault(do=FaultKind.TRUNCATE, offset=10))
-            client.write((PRINT,))
-            assert len(await client.transport.reader.read()) == 10
-
-    run(main())
-
-
-def test_garbage_in_an_answer(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            twin.arm(LinkFault(do=FaultKind.GARBAGE, data="ff00"))
-            client.write((PRINT,))
-            assert await client.transport.reader.readexactly(6) == b"\xff\x00\x03!re"
-
-    run(main())
-
-
-def test_a_router_that_hangs(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client, Client(twin) as other:
-            await client.login()
-            twin.arm(LinkFault(do=FaultKind.HANG))
-            client.write((PRINT,), (PRINT,))
-            await asyncio.sleep(1000)
-            assert client.silent
-            assert await other.login()
-
-    run(main())
-
-
-def test_a_gap_after_the_nth_sentence_delays_its_answer(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            twin.arm(LinkFault(do=FaultKind.GAP, seconds=70, when="after"))
-            start = now()
-            client.write(RENAME)
-            await asyncio.sleep(1)
-            assert renamed(twin)
+async def test_a_cut_at_the_nth_sentence(tmp_path: Path, when: Literal["before", "after"]) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        twin.arm(LinkFault(do=FaultKind.DROP, sentence=3, when=when))
+        await client.login()
+        await client.talk(PRINT)
+        client.write(RENAME, (PRINT,))
+        with pytest.raises(LOST):
             await client.answer()
-            assert now() - start == pytest.approx(70)
+        assert renamed(twin) is (when == "after")
+        assert [command[0] for command in twin.connections()[0].sentences] == ["/login", PRINT, RENAME[0]]
 
-    run(main())
+
+async def test_a_cut_at_a_sentence_of_a_menu(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        twin.arm(LinkFault(do=FaultKind.DROP, match="/system/identity/*"))
+        await client.login()
+        await client.talk("/ip/pool/print")
+        client.write(RENAME)
+        assert not await client.ends()
 
 
-def test_gaps_that_overlap_end_with_the_last(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            start = now()
-            twin.gap(10)
-            twin.gap(5)
-            await client.talk(PRINT)
-            assert now() - start == pytest.approx(10)
+async def test_a_clean_drop_undoes_safe_mode_two_seconds_later(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        await client.talk("/safe-mode/take")
+        await client.talk(*RENAME)
+        twin.drop()
+        await asyncio.sleep(2)
+        assert renamed(twin)
+        await asyncio.sleep(0.2)
+        assert not renamed(twin)
 
-    run(main())
+
+async def test_a_pulled_cable_undoes_safe_mode_only_after_the_time_out(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        await client.talk("/safe-mode/take")
+        await client.talk(*RENAME)
+        twin.vanish()
+        client.write((PRINT,))
+        await asyncio.sleep(539)
+        assert renamed(twin)
+        assert client.silent
+        await asyncio.sleep(4)
+        assert not renamed(twin)
+        assert client.silent
+
+
+async def test_an_answer_that_stops_midway(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        twin.arm(LinkFault(do=FaultKind.TRUNCATE, offset=10))
+        client.write((PRINT,))
+        assert len(await client.transport.reader.read()) == 10
+
+
+async def test_garbage_in_an_answer(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        twin.arm(LinkFault(do=FaultKind.GARBAGE, data="ff00"))
+        client.write((PRINT,))
+        assert await client.transport.reader.readexactly(6) == b"\xff\x00\x03!re"
+
+
+async def test_a_router_that_hangs(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client, Client(twin) as other:
+        await client.login()
+        twin.arm(LinkFault(do=FaultKind.HANG))
+        client.write((PRINT,), (PRINT,))
+        await asyncio.sleep(1000)
+        assert client.silent
+        assert await other.login()
+
+
+async def test_a_gap_after_the_nth_sentence_delays_its_answer(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        twin.arm(LinkFault(do=FaultKind.GAP, seconds=70, when="after"))
+        start = now()
+        client.write(RENAME)
+        await asyncio.sleep(1)
+        assert renamed(twin)
+        await client.answer()
+        assert now() - start == pytest.approx(70)
+
+
+async def test_gaps_that_overlap_end_with_the_last(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        start = now()
+        twin.gap(10)
+        twin.gap(5)
+        await client.talk(PRINT)
+        assert now() - start == pytest.approx(10)
 
 
 @pytest.mark.parametrize("asked", [True, False])
-def test_a_reboot_is_eof_and_the_router_comes_back(tmp_path: Path, *, asked: bool) -> None:
-    async def main() -> None:
-        async with router(tmp_path, knobs=WireBehaviour(boot_s=40)) as twin, Client(twin) as client:
-            await client.login()
-            await client.talk(*RENAME)
-            start = now()
-            if asked:
-                client.write(("/system/reboot",))
-            else:
-                twin.reboot()
-            assert await client.ends()
-            async with Client(twin) as again:
-                await again.login()
-                assert now() - start == pytest.approx(40, abs=0.1)
-            assert renamed(twin)
-
-    run(main())
+async def test_a_reboot_is_eof_and_the_router_comes_back(tmp_path: Path, *, asked: bool) -> None:
+    async with router(tmp_path, knobs=WireBehaviour(boot_s=40)) as twin, Client(twin) as client:
+        await client.login()
+        await client.talk(*RENAME)
+        start = now()
+        if asked:
+            client.write(("/system/reboot",))
+        else:
+            twin.reboot()
+        assert await client.ends()
+        async with Client(twin) as again:
+            await again.login()
+            assert now() - start == pytest.approx(40, abs=0.1)
+        assert renamed(twin)
 
 
-def test_after_a_power_cut_the_old_connection_is_reset_when_it_speaks(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path, knobs=WireBehaviour(boot_s=40)) as twin, Client(twin) as client:
-            await client.login()
-            await client.talk("/safe-mode/take")
-            await client.talk(*RENAME)
-            start = now()
-            twin.reboot(clean=False)
-            client.write((PRINT,))
-            assert not await client.ends()
-            assert now() - start == pytest.approx(40)
-            assert not renamed(twin)
-
-    run(main())
+async def test_after_a_power_cut_the_old_connection_is_reset_when_it_speaks(tmp_path: Path) -> None:
+    async with router(tmp_path, knobs=WireBehaviour(boot_s=40)) as twin, Client(twin) as client:
+        await client.login()
+        await client.talk("/safe-mode/take")
+        await client.talk(*RENAME)
+        start = now()
+        twin.reboot(clean=False)
+        client.write((PRINT,))
+        assert not await client.ends()
+        assert now() - start == pytest.approx(40)
+        assert not renamed(twin)
 
 
-def test_another_certificate(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin:
-            before = twin.pin
-            twin.recertify()
-            assert twin.pin != before
-            async with Client(twin, "api-ssl") as client:
-                assert await client.login() == [("!done", ())]
-
-    run(main())
+async def test_another_certificate(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin:
+        before = twin.pin
+        twin.recertify()
+        assert twin.pin != before
+        async with Client(twin, "api-ssl") as client:
+            assert await client.login() == [("!done", ())]
 
 
 SCRIPT = (
@@ -199,26 +160,20 @@ SCRIPT = (
 
 
 @pytest.mark.parametrize(("lines", "pools"), [(0, []), (1, ["a"]), (2, ["a"]), (3, ["a", "b"]), (None, ["a", "b"])])
-def test_a_cut_within_a_script(tmp_path: Path, lines: int | None, pools: list[str]) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            twin.arm(LinkFault(do=FaultKind.DROP, match="/execute", when="after", lines=lines))
-            client.write(("/execute", f"=script={SCRIPT}", "=as-string="))
-            assert not await client.ends()
-            text = twin.export(menu="/ip/pool", header=False)
-            assert [name for name in ("a", "b") if f"name={name} " in text] == pools
-
-    run(main())
+async def test_a_cut_within_a_script(tmp_path: Path, lines: int | None, pools: list[str]) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        twin.arm(LinkFault(do=FaultKind.DROP, match="/execute", when="after", lines=lines))
+        client.write(("/execute", f"=script={SCRIPT}", "=as-string="))
+        assert not await client.ends()
+        text = twin.export(menu="/ip/pool", header=False)
+        assert [name for name in ("a", "b") if f"name={name} " in text] == pools
 
 
-def test_a_session_that_an_admin_removes_is_closed(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            active = await client.talk("/user/active/print")
-            number = dict(word[1:].split("=", 1) for word in active[0][1])[".id"]
-            await twin.console(["/user/active/request-logout", f"=.id={number}"])
-            assert await client.ends()
-
-    run(main())
+async def test_a_session_that_an_admin_removes_is_closed(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        active = await client.talk("/user/active/print")
+        number = dict(word[1:].split("=", 1) for word in active[0][1])[".id"]
+        await twin.console(["/user/active/request-logout", f"=.id={number}"])
+        assert await client.ends()

@@ -1,8 +1,8 @@
 """A client that we did not write, on real sockets and in real time."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import librouteros
 import pytest
@@ -10,10 +10,6 @@ from librouteros.exceptions import FatalError, TrapError
 from wire_helpers import PASSWORD, router_spec, trusting
 
 from atlantis_netcfg.emulator.routeros import RunningSite, SiteSpec, TwinRefused, TwinSpec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 
 @pytest.fixture

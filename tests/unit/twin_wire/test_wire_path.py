@@ -1,9 +1,7 @@
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import ssl
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from wire_helpers import Client, now, router, router_spec, run
@@ -12,199 +10,161 @@ from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, FaultKind, LinkFault, WireBehaviour, WireCounters
 from atlantis_netcfg.emulator.routeros.wire.link import Faults, WirePace, masked
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
+pytestmark = pytest.mark.coroutine(run=run)
 PRINT = "/system/identity/print"
 DROP = ("/ip/firewall/filter/add", "=chain=input", "=action=drop", "=in-interface=ether8")
 
 
-def test_who_shuts_himself_out_hears_nothing_and_is_saved_by_safe_mode(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            before = twin.export()
+async def test_who_shuts_himself_out_hears_nothing_and_is_saved_by_safe_mode(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        before = twin.export()
+        await client.login()
+        await client.talk("/safe-mode/take")
+        start = now()
+        client.write(DROP)
+        await asyncio.sleep(100)
+        assert client.silent
+        async with Client(twin) as other:
+            await other.login()
+            assert now() - start == pytest.approx(540 + 2.15, abs=0.1)
+            assert (await other.talk(PRINT))[-1] == ("!done", ())
+        client.write((PRINT,))
+        assert not await client.ends()
+        assert twin.export().splitlines()[1:] == before.splitlines()[1:]
+
+
+async def test_who_shuts_himself_out_without_safe_mode_stays_outside(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        client.write(DROP)
+        await asyncio.sleep(10_000)
+        assert client.silent
+        async with Client(twin) as other:
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(other.login(), 1000)
+        assert "chain=input" in twin.export()
+
+
+async def test_a_client_that_leaves_behind_a_closed_path_is_not_missed(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin:
+        async with Client(twin) as client:
             await client.login()
             await client.talk("/safe-mode/take")
-            start = now()
             client.write(DROP)
-            await asyncio.sleep(100)
-            assert client.silent
-            async with Client(twin) as other:
-                await other.login()
-                assert now() - start == pytest.approx(540 + 2.15, abs=0.1)
-                assert (await other.talk(PRINT))[-1] == ("!done", ())
-            client.write((PRINT,))
-            assert not await client.ends()
-            assert twin.export().splitlines()[1:] == before.splitlines()[1:]
-
-    run(main())
+            await asyncio.sleep(1)
+        await asyncio.sleep(500)
+        assert "action=drop" in twin.export()
+        await asyncio.sleep(45)
+        assert "action=drop" not in twin.export()
 
 
-def test_who_shuts_himself_out_without_safe_mode_stays_outside(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            client.write(DROP)
-            await asyncio.sleep(10_000)
-            assert client.silent
-            async with Client(twin) as other:
-                with pytest.raises(TimeoutError):
-                    await asyncio.wait_for(other.login(), 1000)
-            assert "chain=input" in twin.export()
-
-    run(main())
+async def test_traffic_flows_again_when_somebody_opens_the_path(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        client.write((*DROP, ".tag=1"), (PRINT, ".tag=2"))
+        await asyncio.sleep(60)
+        assert client.silent
+        await twin.console(["/ip/firewall/filter/disable", "=numbers=*1"])
+        assert [(await client.answer())[-1][1][0] for _ in range(2)] == [".tag=1", ".tag=2"]
+        assert (await client.talk(PRINT))[-1] == ("!done", ())
 
 
-def test_a_client_that_leaves_behind_a_closed_path_is_not_missed(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin:
-            async with Client(twin) as client:
-                await client.login()
-                await client.talk("/safe-mode/take")
-                client.write(DROP)
-                await asyncio.sleep(1)
-            await asyncio.sleep(500)
-            assert "action=drop" in twin.export()
-            await asyncio.sleep(45)
-            assert "action=drop" not in twin.export()
-
-    run(main())
-
-
-def test_traffic_flows_again_when_somebody_opens_the_path(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            client.write((*DROP, ".tag=1"), (PRINT, ".tag=2"))
-            await asyncio.sleep(60)
-            assert client.silent
-            await twin.console(["/ip/firewall/filter/disable", "=numbers=*1"])
-            assert [(await client.answer())[-1][1][0] for _ in range(2)] == [".tag=1", ".tag=2"]
-            assert (await client.talk(PRINT))[-1] == ("!done", ())
-
-    run(main())
+async def test_the_service_moves_with_its_port(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        before = dict(twin.port_map)
+        await client.login()
+        await client.talk("/ip/service/set", "=numbers=api-ssl", "=port=8730")
+        assert set(twin.port_map) == {22, 8728, 8730}
+        assert twin.ports["api-ssl"] == twin.port_map[8730]
+        async with Client(twin, "api-ssl") as moved:
+            await moved.login()
+        with pytest.raises(ConnectionRefusedError):
+            await asyncio.open_connection(twin.host, before[8729])
+        await client.talk("/ip/service/set", "=numbers=api-ssl", "=port=8729")
+        assert twin.port_map == before
 
 
-def test_the_service_moves_with_its_port(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            before = dict(twin.port_map)
-            await client.login()
-            await client.talk("/ip/service/set", "=numbers=api-ssl", "=port=8730")
-            assert set(twin.port_map) == {22, 8728, 8730}
-            assert twin.ports["api-ssl"] == twin.port_map[8730]
-            async with Client(twin, "api-ssl") as moved:
-                await moved.login()
-            with pytest.raises(ConnectionRefusedError):
-                await asyncio.open_connection(twin.host, before[8729])
-            await client.talk("/ip/service/set", "=numbers=api-ssl", "=port=8729")
-            assert twin.port_map == before
-
-    run(main())
+async def test_a_disabled_service_refuses(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin, "api-ssl") as client:
+        port = twin.ports["api"]
+        await client.login()
+        await client.talk("/ip/service/disable", "=numbers=api")
+        assert "api" not in twin.ports
+        with pytest.raises(ConnectionRefusedError):
+            await asyncio.open_connection(twin.host, port)
 
 
-def test_a_disabled_service_refuses(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin, "api-ssl") as client:
-            port = twin.ports["api"]
-            await client.login()
-            await client.talk("/ip/service/disable", "=numbers=api")
-            assert "api" not in twin.ports
-            with pytest.raises(ConnectionRefusedError):
-                await asyncio.open_connection(twin.host, port)
-
-    run(main())
+async def test_a_service_for_other_addresses_does_not_answer(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin, "api-ssl") as client:
+        await client.login()
+        await client.talk("/ip/service/set", "=numbers=api", "=address=10.99.0.0/24")
+        async with Client(twin) as other:
+            other.write(("/login",))
+            await asyncio.sleep(1000)
+            assert other.transport.reader._buffer == b""
 
 
-def test_a_service_for_other_addresses_does_not_answer(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin, "api-ssl") as client:
-            await client.login()
-            await client.talk("/ip/service/set", "=numbers=api", "=address=10.99.0.0/24")
-            async with Client(twin) as other:
-                other.write(("/login",))
-                await asyncio.sleep(1000)
-                assert other.transport.reader._buffer == b""
-
-    run(main())
+async def test_only_so_many_sessions(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        await client.talk("/ip/service/set", "=numbers=api", "=max-sessions=1")
+        async with Client(twin) as other:
+            other.write(("/login",))
+            assert not await other.ends()
+        assert (await client.talk(PRINT))[-1] == ("!done", ())
 
 
-def test_only_so_many_sessions(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            await client.talk("/ip/service/set", "=numbers=api", "=max-sessions=1")
-            async with Client(twin) as other:
-                other.write(("/login",))
-                assert not await other.ends()
-            assert (await client.talk(PRINT))[-1] == ("!done", ())
-
-    run(main())
-
-
-def test_tls_version_and_certificate_of_the_service(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as plain:
-            async with Client(twin, "api-ssl") as client:
-                shown: ssl.SSLObject = client.transport.writer.get_extra_info("ssl_object")
-                assert shown.version() == "TLSv1.2"
-                der = shown.getpeercert(binary_form=True)
-                assert der is not None
-                assert hashlib.sha256(der).hexdigest() == twin.pin
-            await plain.login()
-            await plain.talk("/ip/service/set", "=numbers=api-ssl", "=certificate=none")
-            assert twin.pin is None
-            with pytest.raises(ssl.SSLError):
-                await Client(twin, "api-ssl").__aenter__()
-
-    run(main())
+async def test_tls_version_and_certificate_of_the_service(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as plain:
+        async with Client(twin, "api-ssl") as client:
+            shown: ssl.SSLObject = client.transport.writer.get_extra_info("ssl_object")
+            assert shown.version() == "TLSv1.2"
+            der = shown.getpeercert(binary_form=True)
+            assert der is not None
+            assert hashlib.sha256(der).hexdigest() == twin.pin
+        await plain.login()
+        await plain.talk("/ip/service/set", "=numbers=api-ssl", "=certificate=none")
+        assert twin.pin is None
+        with pytest.raises(ssl.SSLError):
+            await Client(twin, "api-ssl").__aenter__()
 
 
-def test_a_restart_keeps_what_was_saved_and_nothing_else(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin:
-            pin, ports = twin.pin, twin.ports
-            async with Client(twin) as client:
-                await client.login()
-                await client.talk("/system/identity/set", "=name=kept")
-                await client.talk("/safe-mode/take")
-                await client.talk("/ip/pool/add", "=name=held", "=ranges=10.0.0.2-10.0.0.9")
-                await twin.restart()
-                assert await client.ends()
-            assert "name=kept" in twin.export()
-            assert "held" not in twin.export()
-            assert (twin.pin, twin.ports) == (pin, ports)
-        async with router(tmp_path) as again:
-            assert "name=kept" in again.export()
-            assert again.pin == pin
-
-    run(main())
-
-
-def test_flash_is_written_while_it_runs_and_is_private(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
+async def test_a_restart_keeps_what_was_saved_and_nothing_else(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin:
+        pin, ports = twin.pin, twin.ports
+        async with Client(twin) as client:
             await client.login()
             await client.talk("/system/identity/set", "=name=kept")
-            files = [path for path in (tmp_path / "flash").rglob("*") if path.is_file()]
-            assert "kept" in (tmp_path / "flash" / "flash.json").read_text()
-            assert {path.stat().st_mode & 0o777 for path in files} == {0o600}
+            await client.talk("/safe-mode/take")
+            await client.talk("/ip/pool/add", "=name=held", "=ranges=10.0.0.2-10.0.0.9")
+            await twin.restart()
+            assert await client.ends()
+        assert "name=kept" in twin.export()
+        assert "held" not in twin.export()
+        assert (twin.pin, twin.ports) == (pin, ports)
+    async with router(tmp_path) as again:
+        assert "name=kept" in again.export()
+        assert again.pin == pin
 
-    run(main())
+
+async def test_flash_is_written_while_it_runs_and_is_private(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        await client.talk("/system/identity/set", "=name=kept")
+        files = [path for path in (tmp_path / "flash").rglob("*") if path.is_file()]
+        assert "kept" in (tmp_path / "flash" / "flash.json").read_text()
+        assert {path.stat().st_mode & 0o777 for path in files} == {0o600}
 
 
-def test_a_loopback_port_that_is_taken(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin:
-            taken = twin.ports["api-ssl"]
-            other = EmulatedRouter(router_spec(), state_dir=tmp_path / "other", ports={8729: taken})
-            with pytest.raises(OSError, match="address already in use"):
-                await other.start()
-            assert other.ports == {}
-        async with EmulatedRouter(router_spec(), state_dir=tmp_path / "other", ports={8729: taken}) as other:
-            assert other.port_map[8729] == taken
-
-    run(main())
+async def test_a_loopback_port_that_is_taken(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin:
+        taken = twin.ports["api-ssl"]
+        other = EmulatedRouter(router_spec(), state_dir=tmp_path / "other", ports={8729: taken})
+        with pytest.raises(OSError, match="address already in use"):
+            await other.start()
+        assert other.ports == {}
+    async with EmulatedRouter(router_spec(), state_dir=tmp_path / "other", ports={8729: taken}) as other:
+        assert other.port_map[8729] == taken
 
 
 def test_the_knee_comes_after_a_burst_and_goes_when_idle() -> None:

@@ -1,12 +1,11 @@
-from __future__ import annotations
-
 import json
 import os
 import select
 import signal
 import subprocess
 import sys
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import librouteros
 import pytest
@@ -15,9 +14,6 @@ from waiting import HANG_S
 from wire_helpers import PASSWORD, router_spec
 
 from atlantis_netcfg.emulator.routeros import SiteSpec, TwinRefused, TwinsFailed, TwinSpec, spawn
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SITE = SiteSpec(name="coastal", twins=(TwinSpec(router=router_spec()),))
 RENAME = ["/system/identity/set", "=name=renamed"]
@@ -55,8 +51,7 @@ def test_the_protocol_and_sigterm(tmp_path: Path) -> None:
         twins.send_signal(signal.SIGTERM)
         assert twins.wait(HANG_S) == 0
     with process(tmp_path) as twins:
-        again = ask(twins, "")
-        assert again["twins"]["router"]["pin"] == ready["twins"]["router"]["pin"]
+        assert ask(twins, "")["twins"]["router"]["pin"] == ready["twins"]["router"]["pin"]
         assert "name=renamed" in ask(twins, '{"twin": "router", "do": "export"}')["result"]
         twins.communicate("")
         assert twins.returncode == 0
@@ -98,8 +93,7 @@ def test_two_twins_with_one_name_are_refused() -> None:
 def test_spawned_twins_serve_and_obey(tmp_path: Path) -> None:
     with spawn(SITE, tmp_path) as twins:
         where = twins.ready["router"]
-        api = librouteros.connect(where["host"], "provision", PASSWORD, port=where["api"])
-        api.close()
+        librouteros.connect(where["host"], "provision", PASSWORD, port=where["api"]).close()
         assert twins.do("router", "counters")["logins"] == 1
         with pytest.raises(TwinRefused, match="explode"):
             twins.do("router", "explode")

@@ -1,10 +1,9 @@
 """Both ends of the wire hear the same, however a stream is cut: recorded conversations, and words at every length."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -14,16 +13,10 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.wire.connection import Decoder as TwinDecoder
 from atlantis_netcfg.emulator.routeros.wire.connection import encode_sentence as twin_encode
-from atlantis_netcfg.routeros.api import Command, Endpoint, Session, Traffic
+from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
 from atlantis_netcfg.routeros.api._wire import Decoder as ClientDecoder
 from atlantis_netcfg.routeros.api._wire import Wire
 from atlantis_netcfg.routeros.api._wire import encode as client_encode
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.routeros.api import Reply
 
 LIMIT = 1 << 33
 CONVERSATION = (
@@ -53,8 +46,6 @@ sentences = st.lists(
 
 
 class Tap:
-    """Keeps what one session sends and hears, in clear."""
-
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.up = bytearray()
         self.down = bytearray()

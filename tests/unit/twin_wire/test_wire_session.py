@@ -1,8 +1,6 @@
-from __future__ import annotations
-
 import hashlib
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from librouteros.protocol import encode_word
@@ -11,185 +9,141 @@ from wire_helpers import PASSWORD, Client, router, row, run
 import atlantis_netcfg.emulator.routeros as package
 from atlantis_netcfg.emulator.routeros import RouterLink, RouterSpec, SiteSpec, TwinSpec, WireBehaviour
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
+pytestmark = pytest.mark.coroutine(run=run)
 PRINT = "/system/identity/print"
 DONE = ("!done", ())
 
 
-def test_nothing_before_login(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            client.write((PRINT,))
-            assert await client.transport.reader.read() == b"\x06!fatal\x0dnot logged in\x00"
-
-    run(main())
+async def test_nothing_before_login(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        client.write((PRINT,))
+        assert await client.transport.reader.read() == b"\x06!fatal\x0dnot logged in\x00"
 
 
-def test_wrong_password_and_then_the_right_one(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            assert await client.login(password="guess") == [
-                ("!trap", ("=message=invalid user name or password (6)",)),
-                DONE,
-            ]
-            assert await client.login() == [DONE]
-            assert row((await client.talk(PRINT))[0])["name"]
-            assert twin.counters().logins == 1
-            assert PASSWORD not in str(twin.connections())
-
-    run(main())
+async def test_wrong_password_and_then_the_right_one(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        assert await client.login(password="guess") == [
+            ("!trap", ("=message=invalid user name or password (6)",)),
+            DONE,
+        ]
+        assert await client.login() == [DONE]
+        assert row((await client.talk(PRINT))[0])["name"]
+        assert twin.counters().logins == 1
+        assert PASSWORD not in str(twin.connections())
 
 
 @pytest.mark.parametrize("knobs", [WireBehaviour(), WireBehaviour(old_login=True)])
-def test_login_of_before_6_43(tmp_path: Path, knobs: WireBehaviour) -> None:
-    async def main() -> None:
-        async with router(tmp_path, knobs=knobs) as twin, Client(twin) as client:
-            first = ("/login", "=name=provision", f"=password={PASSWORD}") if knobs.old_login else ("/login",)
-            ((_, (ret,)),) = await client.talk(*first)
-            challenge = bytes.fromhex(ret.removeprefix("=ret="))
-            digest = hashlib.md5(b"\0" + PASSWORD.encode() + challenge, usedforsecurity=False).hexdigest()
-            assert await client.talk("/login", "=name=provision", f"=response=00{digest}") == [DONE]
-            assert (await client.talk(PRINT))[-1] == DONE
-
-    run(main())
+async def test_login_of_before_6_43(tmp_path: Path, knobs: WireBehaviour) -> None:
+    async with router(tmp_path, knobs=knobs) as twin, Client(twin) as client:
+        first = ("/login", "=name=provision", f"=password={PASSWORD}") if knobs.old_login else ("/login",)
+        ((_, (ret,)),) = await client.talk(*first)
+        challenge = bytes.fromhex(ret.removeprefix("=ret="))
+        digest = hashlib.md5(b"\0" + PASSWORD.encode() + challenge, usedforsecurity=False).hexdigest()
+        assert await client.talk("/login", "=name=provision", f"=response=00{digest}") == [DONE]
+        assert (await client.talk(PRINT))[-1] == DONE
 
 
-def test_a_response_without_challenge_is_refused(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            answer = await client.talk("/login", "=name=provision", "=response=00" + "ab" * 16)
-            assert answer == [("!trap", ("=message=cannot log in",)), DONE]
-
-    run(main())
+async def test_a_response_without_challenge_is_refused(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        answer = await client.talk("/login", "=name=provision", "=response=00" + "ab" * 16)
+        assert answer == [("!trap", ("=message=cannot log in",)), DONE]
 
 
-def test_a_guesser_is_shown_the_door(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path, knobs=WireBehaviour(sentences_before_login=2)) as twin, Client(twin) as client:
-            await client.login(password="a")
-            await client.login(password="b")
-            client.write(("/login", "=name=provision", f"=password={PASSWORD}"))
-            assert b"too many commands before login" in await client.transport.reader.read()
-
-    run(main())
+async def test_a_guesser_is_shown_the_door(tmp_path: Path) -> None:
+    async with router(tmp_path, knobs=WireBehaviour(sentences_before_login=2)) as twin, Client(twin) as client:
+        await client.login(password="a")
+        await client.login(password="b")
+        client.write(("/login", "=name=provision", f"=password={PASSWORD}"))
+        assert b"too many commands before login" in await client.transport.reader.read()
 
 
-def test_long_words_before_login_end_the_connection_and_are_fine_later(tmp_path: Path) -> None:
+async def test_long_words_before_login_end_the_connection_and_are_fine_later(tmp_path: Path) -> None:
     long = "=comment=" + "x" * 5000
-
-    async def main() -> None:
-        async with router(tmp_path) as twin:
-            async with Client(twin) as client:
-                client.write(("/login", long))
-                assert await client.ends()
-            async with Client(twin) as client:
-                await client.login()
-                assert (await client.talk("/ip/pool/add", "=name=p", "=ranges=10.0.0.2-10.0.0.9", long))[-1][
-                    0
-                ] == "!done"
-
-    run(main())
+    async with router(tmp_path) as twin:
+        async with Client(twin) as client:
+            client.write(("/login", long))
+            assert await client.ends()
+        async with Client(twin) as client:
+            await client.login()
+            assert (await client.talk("/ip/pool/add", "=name=p", "=ranges=10.0.0.2-10.0.0.9", long))[-1][0] == "!done"
 
 
 @pytest.mark.parametrize("accepted", [False, True])
-def test_sentences_in_one_write_with_the_login(tmp_path: Path, *, accepted: bool) -> None:
-    async def main() -> None:
-        async with router(tmp_path, knobs=WireBehaviour(pipelined_login=accepted)) as twin, Client(twin) as client:
-            client.write(("/login", "=name=provision", f"=password={PASSWORD}"), (PRINT,))
-            assert await client.answer() == [DONE]
-            if accepted:
-                assert (await client.answer())[-1] == DONE
-                assert twin.counters().turns == 1
-            else:
-                assert b"not logged in" in await client.transport.reader.read()
-
-    run(main())
-
-
-def test_every_reply_carries_its_tag(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            client.write((PRINT, ".tag=a b"), ("/nonsense", ".tag=2"))
-            answer = await client.answer()
-            assert [kind for kind, _ in answer] == ["!re", "!done"]
-            assert all(words[0] == ".tag=a b" for _, words in answer)
-            refusal = await client.answer()
-            assert [kind for kind, _ in refusal] == ["!trap", "!done"]
-            assert all(words[0] == ".tag=2" for _, words in refusal)
-
-    run(main())
-
-
-def test_quit_is_answered_by_a_bare_word_and_eof(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            client.write(("/quit", ".tag=1"))
-            assert await client.transport.reader.read() == b"\x06!fatal\x1dsession terminated on request\x00"
-
-    run(main())
-
-
-def test_words_come_in_pieces_and_empty_sentences_do_not_matter(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            client.raw(b"\0\0")
-            for byte in encode_word(PRINT, "utf-8"):
-                client.raw(bytes([byte]))
-            assert client.silent
-            client.raw(b"\0")
+async def test_sentences_in_one_write_with_the_login(tmp_path: Path, *, accepted: bool) -> None:
+    async with router(tmp_path, knobs=WireBehaviour(pipelined_login=accepted)) as twin, Client(twin) as client:
+        client.write(("/login", "=name=provision", f"=password={PASSWORD}"), (PRINT,))
+        assert await client.answer() == [DONE]
+        if accepted:
             assert (await client.answer())[-1] == DONE
+            assert twin.counters().turns == 1
+        else:
+            assert b"not logged in" in await client.transport.reader.read()
 
-    run(main())
+
+async def test_every_reply_carries_its_tag(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        client.write((PRINT, ".tag=a b"), ("/nonsense", ".tag=2"))
+        answer = await client.answer()
+        assert [kind for kind, _ in answer] == ["!re", "!done"]
+        assert all(words[0] == ".tag=a b" for _, words in answer)
+        refusal = await client.answer()
+        assert [kind for kind, _ in refusal] == ["!trap", "!done"]
+        assert all(words[0] == ".tag=2" for _, words in refusal)
 
 
-def test_a_reserved_control_byte_ends_it_after_what_came_before(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client:
-            await client.login()
-            client.raw(encode_word(PRINT, "utf-8") + b"\0\xf8")
-            assert (await client.answer())[-1] == DONE
-            assert await client.ends()
+async def test_quit_is_answered_by_a_bare_word_and_eof(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        client.write(("/quit", ".tag=1"))
+        assert await client.transport.reader.read() == b"\x06!fatal\x1dsession terminated on request\x00"
 
-    run(main())
+
+async def test_words_come_in_pieces_and_empty_sentences_do_not_matter(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        client.raw(b"\0\0")
+        for byte in encode_word(PRINT, "utf-8"):
+            client.raw(bytes([byte]))
+        assert client.silent
+        client.raw(b"\0")
+        assert (await client.answer())[-1] == DONE
+
+
+async def test_a_reserved_control_byte_ends_it_after_what_came_before(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client:
+        await client.login()
+        client.raw(encode_word(PRINT, "utf-8") + b"\0\xf8")
+        assert (await client.answer())[-1] == DONE
+        assert await client.ends()
 
 
 @pytest.mark.parametrize(("version", "kinds"), [("7.16", ["!done"]), ("7.18.2", ["!empty", "!done"])])
-def test_a_print_without_rows(tmp_path: Path, version: str, kinds: list[str]) -> None:
-    async def main() -> None:
-        async with router(tmp_path, version=version) as twin, Client(twin) as client:
-            await client.login()
-            assert [kind for kind, _ in await client.talk("/ip/pool/print", "?name=none")] == kinds
-
-    run(main())
+async def test_a_print_without_rows(tmp_path: Path, version: str, kinds: list[str]) -> None:
+    async with router(tmp_path, version=version) as twin, Client(twin) as client:
+        await client.login()
+        assert [kind for kind, _ in await client.talk("/ip/pool/print", "?name=none")] == kinds
 
 
-def test_listen_goes_on_until_it_is_cancelled(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path) as twin, Client(twin) as client, Client(twin) as other:
-            await client.login()
-            await other.login()
-            client.write(("/ip/pool/listen", ".tag=7"))
-            ((_, (ret,)),) = await other.talk("/ip/pool/add", "=name=p", "=ranges=10.0.0.2-10.0.0.9")
-            seen = await client.read()
-            assert row(seen)["name"] == "p"
-            assert seen[1][0] == ".tag=7"
-            await other.talk("/ip/pool/remove", f"=.id={ret.removeprefix('=ret=')}")
-            assert row(await client.read())[".dead"] == "true"
-            client.write(("/cancel", "=tag=7", ".tag=8"))
-            assert [await client.read() for _ in range(3)] == [
-                ("!trap", (".tag=7", "=category=2", "=message=interrupted")),
-                ("!done", (".tag=8",)),
-                ("!done", (".tag=7",)),
-            ]
-            await other.talk("/ip/pool/add", "=name=q", "=ranges=10.0.1.2-10.0.1.9")
-            assert (await client.talk(PRINT))[0][0] == "!re"
-
-    run(main())
+async def test_listen_goes_on_until_it_is_cancelled(tmp_path: Path) -> None:
+    async with router(tmp_path) as twin, Client(twin) as client, Client(twin) as other:
+        await client.login()
+        await other.login()
+        client.write(("/ip/pool/listen", ".tag=7"))
+        ((_, (ret,)),) = await other.talk("/ip/pool/add", "=name=p", "=ranges=10.0.0.2-10.0.0.9")
+        seen = await client.read()
+        assert row(seen)["name"] == "p"
+        assert seen[1][0] == ".tag=7"
+        await other.talk("/ip/pool/remove", f"=.id={ret.removeprefix('=ret=')}")
+        assert row(await client.read())[".dead"] == "true"
+        client.write(("/cancel", "=tag=7", ".tag=8"))
+        assert [await client.read() for _ in range(3)] == [
+            ("!trap", (".tag=7", "=category=2", "=message=interrupted")),
+            ("!done", (".tag=8",)),
+            ("!done", (".tag=7",)),
+        ]
+        await other.talk("/ip/pool/add", "=name=q", "=ranges=10.0.1.2-10.0.1.9")
+        assert (await client.talk(PRINT))[0][0] == "!re"
 
 
 def _pools(count: int) -> list[tuple[str, ...]]:
@@ -214,55 +168,41 @@ def test_tagged_sentences_of_a_burst_have_no_order_of_their_own(tmp_path: Path, 
     assert (names == [f"p{number}" for number in range(12)]) is (seed is None)
 
 
-def test_answers_of_a_shuffled_burst_interleave(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path, knobs=WireBehaviour(shuffle=2)) as twin, Client(twin) as client:
-            await client.login()
-            client.write(*(("/ip/service/print", f".tag={number}") for number in range(3)))
-            tags, done = [], 0
-            while done < 3:
-                kind, words = await client.read()
-                tags.append(words[0])
-                done += kind == "!done"
-            changes = sum(one != other for one, other in pairwise(tags))
-            assert changes > 2
-            assert len(set(tags)) == 3
-
-    run(main())
+async def test_answers_of_a_shuffled_burst_interleave(tmp_path: Path) -> None:
+    async with router(tmp_path, knobs=WireBehaviour(shuffle=2)) as twin, Client(twin) as client:
+        await client.login()
+        client.write(*(("/ip/service/print", f".tag={number}") for number in range(3)))
+        tags, done = [], 0
+        while done < 3:
+            kind, words = await client.read()
+            tags.append(words[0])
+            done += kind == "!done"
+        assert sum(one != other for one, other in pairwise(tags)) > 2
+        assert len(set(tags)) == 3
 
 
 @pytest.mark.parametrize(("sentences", "hangs"), [(16, False), (24, False), (25, True)])
-def test_too_many_in_flight_hang_the_connection(tmp_path: Path, sentences: int, *, hangs: bool) -> None:
-    async def main() -> None:
-        async with (
-            router(tmp_path, knobs=WireBehaviour(hang_at=25)) as twin,
-            Client(twin) as client,
-            Client(twin) as other,
-        ):
-            await client.login()
-            await other.login()
-            client.write(*((PRINT, f".tag={number}") for number in range(sentences)))
-            assert (await other.talk(PRINT))[-1] == DONE
-            if hangs:
-                assert client.silent
-            else:
-                for _ in range(sentences):
-                    assert (await client.answer())[-1][0] == "!done"
-
-    run(main())
+async def test_too_many_in_flight_hang_the_connection(tmp_path: Path, sentences: int, *, hangs: bool) -> None:
+    async with router(tmp_path, knobs=WireBehaviour(hang_at=25)) as twin, Client(twin) as client, Client(twin) as other:
+        await client.login()
+        await other.login()
+        client.write(*((PRINT, f".tag={number}") for number in range(sentences)))
+        assert (await other.talk(PRINT))[-1] == DONE
+        if hangs:
+            assert client.silent
+        else:
+            for _ in range(sentences):
+                assert (await client.answer())[-1][0] == "!done"
 
 
-def test_two_flights_of_sixteen_stay_below_the_limit(tmp_path: Path) -> None:
-    async def main() -> None:
-        async with router(tmp_path, knobs=WireBehaviour(hang_at=25)) as twin, Client(twin) as client:
-            await client.login()
-            for _ in range(2):
-                client.write(*((PRINT, f".tag={number}") for number in range(16)))
-                for _ in range(16):
-                    assert (await client.answer())[-1][0] == "!done"
-            assert twin.counters().turns == 3
-
-    run(main())
+async def test_two_flights_of_sixteen_stay_below_the_limit(tmp_path: Path) -> None:
+    async with router(tmp_path, knobs=WireBehaviour(hang_at=25)) as twin, Client(twin) as client:
+        await client.login()
+        for _ in range(2):
+            client.write(*((PRINT, f".tag={number}") for number in range(16)))
+            for _ in range(16):
+                assert (await client.answer())[-1][0] == "!done"
+        assert twin.counters().turns == 3
 
 
 def test_the_public_surface_is_what_it_says() -> None:

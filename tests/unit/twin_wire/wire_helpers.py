@@ -1,21 +1,17 @@
 """Time that jumps, and a client on librouteros' codec that can say several sentences at once."""
 
-from __future__ import annotations
-
 import asyncio
 import selectors
 import ssl
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from collections.abc import Coroutine, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
 
 from librouteros import async_create_transport
 from librouteros.protocol import AsyncApiProtocol, encode_sentence
 
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterLink, RouterSpec, User, WireBehaviour
-
-if TYPE_CHECKING:
-    from collections.abc import Coroutine, Mapping
-    from pathlib import Path
-    from types import TracebackType
 
 T = TypeVar("T")
 PASSWORD = "open sesame"
@@ -86,7 +82,6 @@ class Client:
         self.transport.writer.transport.abort()
 
     def write(self, *sentences: tuple[str, ...]) -> None:
-        """All sentences in one write."""
         self.raw(b"".join(encode_sentence(*words, encoding="utf-8") for words in sentences))
 
     def raw(self, data: bytes) -> None:
@@ -104,7 +99,6 @@ class Client:
         return replies
 
     async def talk(self, *words: str) -> list[Reply]:
-        """One sentence and its answer."""
         self.write(words)
         return await self.answer()
 
@@ -126,7 +120,6 @@ class Client:
 
 
 def row(reply: Reply) -> Mapping[str, str]:
-    """The properties of a `!re`."""
     return dict(word[1:].split("=", 1) for word in reply[1] if word.startswith("="))
 
 

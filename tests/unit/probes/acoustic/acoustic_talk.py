@@ -4,21 +4,14 @@ It keeps to the contract of `Say` and `Listen` as the ear does: a saying waits f
 first that does not come, the listening goes on. Time is counted, not spent.
 """
 
-from __future__ import annotations
-
 import re
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import Listen, Transcript, Trouble
+from atlantis_netcfg.checklist.probes import Answer, Judged, Listen, Probe, Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer, Judged, Probe
-    from atlantis_netcfg.emulator.acoustic._line import LineSpec
+from atlantis_netcfg.emulator.acoustic._line import LineSpec
 
 Twin = RunningEvologics | RunningSeatrac
 STEP_S = 0.01

@@ -1,7 +1,5 @@
 """What may be sent to a modem: the lines of devices.md 5, and whatever else somebody may think of."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,17 +7,7 @@ from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Consent, Listen, Place, Say
 from atlantis_netcfg.checklist.probes import registry as allowed_messages
-from atlantis_netcfg.checklist.probes.acoustic import seatrac
-from atlantis_netcfg.checklist.probes.acoustic.modem import (
-    SEATRAC,
-    ModemUse,
-    NeverSaid,
-    ask_at,
-    ask_seatrac,
-    message,
-    ping,
-    refused_reason,
-)
+from atlantis_netcfg.checklist.probes.acoustic import modem, seatrac
 
 CONSENT = Consent("Sparus is in the water, and its modem may transmit")
 QUERIES = ["S", "E", "I", "T", "V", "P", "BL", "BR", "BV", "CLOCK", "CA", "AL", "AR", "L", "ZU"]
@@ -40,17 +28,17 @@ def said(data: bytes, *, transport: str = "tcp") -> Listen:
 
 @pytest.mark.parametrize("query", READS)
 def test_a_query_passes(query: str) -> None:
-    assert ask_at(query, b"").data == f"+++{query}\n".encode()
+    assert modem.ask_at(query, b"").data == f"+++{query}\n".encode()
     assert allowed_messages.refused(said(f"+++{query}\n".encode()), active=False) is None
 
 
 @for_each_row("command", DENIED)
 def test_what_does_more_does_not(command: str) -> None:
-    with pytest.raises(NeverSaid):
-        ask_at(command, b"")
-    assert refused_reason(f"+++{command}\n".encode(), active=False)
+    with pytest.raises(modem.NeverSaid):
+        modem.ask_at(command, b"")
+    assert modem.refused_reason(f"+++{command}\n".encode(), active=False)
     whole = command == "AT*SENDIM,5,2,ack,hello"
-    assert (refused_reason(f"+++{command}\n".encode(), active=True) is None) == whole
+    assert (modem.refused_reason(f"+++{command}\n".encode(), active=True) is None) == whole
 
 
 FORMS = [
@@ -62,18 +50,18 @@ FORMS = [
 @pytest.mark.parametrize("query", READS)
 def test_a_query_in_another_form_does_not(query: str) -> None:
     for form in FORMS:
-        assert refused_reason(form.format(q=query).encode(), active=True), form
+        assert modem.refused_reason(form.format(q=query).encode(), active=True), form
 
 
 @pytest.mark.parametrize("query", READS)
 def test_a_query_in_small_letters_does_not(query: str) -> None:
-    assert refused_reason(f"+++{query.lower()}\n".encode(), active=True)
+    assert modem.refused_reason(f"+++{query.lower()}\n".encode(), active=True)
 
 
 @pytest.mark.parametrize("number", SEATRAC_READS)
 def test_a_reading_command_passes(number: int) -> None:
-    assert refused_reason(ask_seatrac(number, b"").data, active=False) is None
-    assert refused_reason(seatrac.command(bytes([number, 1])), active=True), "a parameter"
+    assert modem.refused_reason(modem.ask_seatrac(number, b"").data, active=False) is None
+    assert modem.refused_reason(seatrac.command(bytes([number, 1])), active=True), "a parameter"
 
 
 @pytest.mark.parametrize("number", [*SEATRAC_NEVER, *SEATRAC_ACTIVE])
@@ -88,16 +76,20 @@ def test_no_number_that_nobody_knows_does() -> None:
 
 
 def _passes_at_most_as_one_ping(number: int) -> None:
-    with pytest.raises(NeverSaid):
-        ask_seatrac(number, b"")
+    with pytest.raises(modem.NeverSaid):
+        modem.ask_seatrac(number, b"")
     for record in (b"", b"\x00", b"\x02", b"\x00\x04", b"\x10\x04", b"\x02\x02", b"\x02\x04\x00"):
-        assert refused_reason(seatrac.command(bytes([number]) + record), active=True)
-    assert (refused_reason(seatrac.command(bytes([number, 2, 4])), active=True) is None) == (number == 0x40)
+        assert modem.refused_reason(seatrac.command(bytes([number]) + record), active=True)
+    assert (modem.refused_reason(seatrac.command(bytes([number, 2, 4])), active=True) is None) == (number == 0x40)
 
 
 def test_the_tables_are_those_of_the_facts() -> None:
-    by_use = {use: [number for number, one in SEATRAC.items() if one.use is use] for use in ModemUse}
-    assert by_use == {ModemUse.READ: SEATRAC_READS, ModemUse.NEVER: SEATRAC_NEVER, ModemUse.ACTIVE: SEATRAC_ACTIVE}
+    by_use = {use: [number for number, one in modem.SEATRAC.items() if one.use is use] for use in modem.ModemUse}
+    assert by_use == {
+        modem.ModemUse.READ: SEATRAC_READS,
+        modem.ModemUse.NEVER: SEATRAC_NEVER,
+        modem.ModemUse.ACTIVE: SEATRAC_ACTIVE,
+    }
 
 
 @pytest.mark.parametrize("payload", [b"\x01", b"\x15", b"\x40\x02\x04"])
@@ -106,35 +98,35 @@ def test_a_frame_must_be_whole_and_alone(payload: bytes) -> None:
     wrong = b"#" + payload.hex().upper().encode() + b"0000\n\r"
     whole = {data[:-1], data[:-2], data + data, b" " + data, data.lower(), wrong, data[:-2] + b"\r\n", b"$" + data[1:]}
     for other in whole - {data}:
-        assert refused_reason(other, active=True), other
+        assert modem.refused_reason(other, active=True), other
 
 
 def test_a_message_needs_consent_and_water() -> None:
-    assert refused_reason(message("ATLANTIS", 2, CONSENT, b"", within_s=1).data, active=True) is None
+    assert modem.refused_reason(modem.message("ATLANTIS", 2, CONSENT, b"", within_s=1).data, active=True) is None
     for consent in (None, Consent("Sparus may transmit")):
-        with pytest.raises(NeverSaid, match="nobody has consented"):
-            message("ATLANTIS", 2, consent, b"", within_s=1)
-        with pytest.raises(NeverSaid, match="nobody has consented"):
-            ping(2, consent, b"", within_s=1)
+        with pytest.raises(modem.NeverSaid, match="nobody has consented"):
+            modem.message("ATLANTIS", 2, consent, b"", within_s=1)
+        with pytest.raises(modem.NeverSaid, match="nobody has consented"):
+            modem.ping(2, consent, b"", within_s=1)
 
 
 @pytest.mark.parametrize(
     ("text", "to"), [("A" * 65, 2), ("", 2), ("A B", 2), ("A\nB", 2), ("A", 0), ("A", 255), ("A", -1)]
 )
 def test_a_message_is_short_plain_and_to_one_modem(text: str, to: int) -> None:
-    with pytest.raises(NeverSaid):
-        message(text, to, CONSENT, b"", within_s=1)
+    with pytest.raises(modem.NeverSaid):
+        modem.message(text, to, CONSENT, b"", within_s=1)
 
 
 @pytest.mark.parametrize("data", [b"+++AT*SENDIM,4,2,ack,hello\n", b"+++AT*SENDIM,5,2,ack,he\n+++AT&W\n", b"hello\n"])
 def test_a_message_is_as_long_as_it_says(data: bytes) -> None:
-    assert refused_reason(data, active=True)
+    assert modem.refused_reason(data, active=True)
 
 
 @pytest.mark.parametrize("beacon", [0, 16, 255])
 def test_a_ping_goes_to_one_beacon(beacon: int) -> None:
-    with pytest.raises(NeverSaid):
-        ping(beacon, CONSENT, b"", within_s=1)
+    with pytest.raises(modem.NeverSaid):
+        modem.ping(beacon, CONSENT, b"", within_s=1)
 
 
 def test_nothing_is_sent_to_a_stream_that_only_arrives() -> None:
@@ -163,4 +155,4 @@ ANYTHING = st.one_of(
 def test_nothing_else_passes(data: bytes) -> None:
     passes = {f"+++{query}\n".encode() for query in [*READS, *(f"ATI{n}" for n in range(10))]}
     passes |= {seatrac.command(bytes([number])) for number in SEATRAC_READS}
-    assert (refused_reason(data, active=False) is None) == (data in passes)
+    assert (modem.refused_reason(data, active=False) is None) == (data in passes)

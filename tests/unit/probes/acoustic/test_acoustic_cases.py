@@ -1,23 +1,17 @@
 """Each mood of a modem, and exactly what is found; streams whole and one byte at a time."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
 from acoustic_talk import Twin, bytewise, hear, told, twin_of
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist.probes import Cell, Listen, Probe, Transcript, acoustic, registry, usbl
+from atlantis_netcfg.checklist.probes import Cell, Listen, Probe, Step, Transcript, acoustic, registry, usbl
 from atlantis_netcfg.checklist.report import ItemKind
-from atlantis_netcfg.declaration.loading import load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningSeatrac, SeatracSpec
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Step
-    from atlantis_netcfg.declaration import Declaration
 
 HERE = Path(__file__).parent
 CASES: list[dict[str, Any]] = yaml.safe_load((HERE / "acoustic_cases.yml").read_text(encoding="utf-8"))
@@ -29,11 +23,6 @@ WELL = {
     "zarco": SeatracSpec(fix_every_s=0.5, in_water=True),
     "mares": SeatracSpec(fix_every_s=0.5, in_water=True, beacon=2, hears=(1,), reaches=(1,)),
 }
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(HERE.parents[3] / "inventory")
 
 
 def the_step(declaration: Declaration, item: str) -> Step:

@@ -1,28 +1,23 @@
 """What the steps make of other declarations, and of every reason for which a modem tells nothing."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from acoustic_talk import hear, talk, told, twin_of
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Transcript, Trouble, acoustic, usbl
+from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Probe, Step, Transcript, Trouble, acoustic, usbl
 from atlantis_netcfg.checklist.probes.acoustic import seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import WATER
 from atlantis_netcfg.checklist.report import ItemKind
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.loading import load
 from atlantis_netcfg.declaration.model import AcousticEndpoint, Geofence, SeenFrom, UsblEndpoint
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Probe, Step
-    from atlantis_netcfg.declaration import Declaration
 
 SITE = "coastal"
 SEATRAC_PORT = {"driver": "seatrac", "device": "/dev/ttyUSB0", "seen_from": "laptop"}

@@ -1,7 +1,5 @@
 """The two languages, by the payloads of devices.md 5, and by anything at all."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

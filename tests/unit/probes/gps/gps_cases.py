@@ -1,18 +1,13 @@
 """What sources say; what a technician is told of it stands in `gps_cases.yml`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gps_said as say
 from gps_said import NO_FIX, SKY, epoch, fixes, gga, gll, gns, gpsd, gsa, heard, nmea, no_fix, rmc, tagged, tpv
 
-from atlantis_netcfg.checklist.probes import Trouble
+from atlantis_netcfg.checklist.probes import Transcript, Trouble
 from atlantis_netcfg.declaration.model import GpsDriver
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Transcript
 
 GPSD, TCP, SERIAL = GpsDriver.GPSD, GpsDriver.NMEA_TCP, GpsDriver.NMEA_SERIAL
 

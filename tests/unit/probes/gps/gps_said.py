@@ -1,18 +1,14 @@
 """What receivers say, made by hand: sentences with right checksums, gpsd's objects, one datum a second."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from atlantis_netcfg.checklist.probes import Transcript
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation
 from atlantis_netcfg.checklist.probes.gps.nmea import checksum
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 NOW = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)
 """When the listening begins."""

@@ -1,23 +1,18 @@
 """gpsd's JSON: whatever stands in it, something is said and nothing fails."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from gps_said import DEVICE, NO_FIX, PATH, SKY, VERSION, WANTED, fixes, gpsd, greeting, heard, said, tpv
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from atlantis_netcfg.checklist.probes import Place
+from atlantis_netcfg.checklist.probes import Judged, Place, Transcript
 from atlantis_netcfg.checklist.probes.gps import StreamGps
 from atlantis_netcfg.checklist.probes.gps.gpsd import read
 from atlantis_netcfg.checklist.probes.gps.record import Nature
 from atlantis_netcfg.declaration.model import GpsDriver
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Judged, Transcript
 
 
 def judged(transcript: Transcript) -> Judged:

@@ -1,7 +1,5 @@
 """NMEA 0183: what a sentence is, what an epoch is, and that nothing whatever makes the reader fail."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 
 import pytest

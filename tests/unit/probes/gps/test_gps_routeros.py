@@ -1,11 +1,8 @@
 """A RouterOS device's receiver: what is asked exists in every version, and what is said of each answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import trees
@@ -13,24 +10,13 @@ import yaml
 from gps_said import FENCE
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist.probes import RouterOsQuery, Rows, Trouble
-from atlantis_netcfg.checklist.probes.gps import (
-    CLOCK_QUERY,
-    GPS_MONITOR,
-    GPS_SETTINGS,
-    GpsExpectation,
-    RouterosGps,
-    read_monitor,
-)
+from atlantis_netcfg.bearers.status import Query
+from atlantis_netcfg.checklist.probes import Judged, RouterOsQuery, Rows, Trouble, gps
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
-if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.status import Query
-    from atlantis_netcfg.checklist.probes import Judged
-
-WANTED = GpsExpectation("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
-PROBE = RouterosGps(WANTED, "off-router")
+WANTED = gps.GpsExpectation("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
+PROBE = gps.RouterosGps(WANTED, "off-router")
 HEARD = datetime(2026, 11, 20, 10, 15, 0, 500_000, tzinfo=UTC).timestamp()
 ON = Rows(None, rows=({"enabled": "true", "port": "usb1", "coordinate-format": "dd"},), heard=HEARD)
 ROW = {
@@ -54,7 +40,7 @@ CLOCK = Rows(None, rows=({"gmt-offset": "+01:00", "time-zone-name": "Europe/Lisb
 
 
 def judged(
-    row: dict[str, str] | None, settings: Rows = ON, wanted: GpsExpectation = WANTED, clock: Rows = CLOCK
+    row: dict[str, str] | None, settings: Rows = ON, wanted: gps.GpsExpectation = WANTED, clock: Rows = CLOCK
 ) -> Judged:
     monitored = Rows(None, rows=None if row is None else (row,) if row else (), heard=HEARD)
     return replace(PROBE, expected=wanted).judge({"monitor": monitored, "settings": settings, "clock": clock})
@@ -65,7 +51,9 @@ def told(found: Judged) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in found.findings]
 
 
-@pytest.mark.parametrize("query", [GPS_MONITOR, GPS_SETTINGS, CLOCK_QUERY], ids=["monitor", "settings", "clock"])
+@pytest.mark.parametrize(
+    "query", [gps.GPS_MONITOR, gps.GPS_SETTINGS, gps.CLOCK_QUERY], ids=["monitor", "settings", "clock"]
+)
 @pytest.mark.parametrize("tree", trees.TREES, ids=trees.VERSIONS)
 def test_every_version_knows_what_is_asked(tree: trees.Tree, query: Query) -> None:
     assert tree.has_command(query.menu, query.command)
@@ -73,7 +61,7 @@ def test_every_version_knows_what_is_asked(tree: trees.Tree, query: Query) -> No
 
 
 def test_all_is_asked_of_the_router() -> None:
-    asked = {"monitor": GPS_MONITOR, "settings": GPS_SETTINGS, "clock": CLOCK_QUERY}
+    asked = {"monitor": gps.GPS_MONITOR, "settings": gps.GPS_SETTINGS, "clock": gps.CLOCK_QUERY}
     assert PROBE.asks() == tuple(RouterOsQuery(name, "off-router", query) for name, query in asked.items())
 
 
@@ -170,7 +158,7 @@ def test_a_router_that_was_not_reached(trouble: Trouble, expected: str) -> None:
     ],
 )
 def test_coordinates_in_the_forms_of_coordinate_format(text: str, value: float | None) -> None:
-    (report,) = read_monitor(Rows(None, rows=({**ROW, "latitude": text},))).reports
+    (report,) = gps.read_monitor(Rows(None, rows=({**ROW, "latitude": text},))).reports
     assert report.latitude == (None if value is None else pytest.approx(value, abs=1e-6))
 
 

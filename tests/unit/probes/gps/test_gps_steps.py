@@ -1,9 +1,6 @@
 """Which items the column makes of a declaration."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,15 +10,8 @@ from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, steps
 from atlantis_netcfg.checklist.probes.registry import refused
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Endpoints
-
-ROOT = Path(__file__).parents[4]
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 def of(declaration: Declaration, vehicle: str, gps: dict[str, Any] | None = None, *, declared: bool = True) -> Step:

@@ -1,14 +1,14 @@
 """Ways in which a site is broken, one at a time; what is to be said of each stands in `own_cases.yml`."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from own_world import AROUND, CARDS, IDENTITY, LOOKS, NETPLAN, NOW, World, computer, timed
 
 from atlantis_netcfg.checklist.probes import (
+    Answer,
     CommandResult,
     DdsDiscoverRequest,
     DdsDiscoverResult,
@@ -16,6 +16,7 @@ from atlantis_netcfg.checklist.probes import (
     DhcpOffers,
     LinkStatusResult,
     Place,
+    Question,
     ReflectRequest,
     ReflectResult,
     RouterOsQuery,
@@ -23,27 +24,10 @@ from atlantis_netcfg.checklist.probes import (
     RunProgram,
     Trouble,
 )
-from atlantis_netcfg.emulator.linux import (
-    AddressSpec,
-    CertificateSpec,
-    DdsSpec,
-    EchoSpec,
-    InterfaceSpec,
-    NeighbourSpec,
-    OfferSpec,
-    ReflectorSpec,
-    RouteSpec,
-    UdpSpec,
-)
+from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.emulator.routeros.spec import Called, Load, Validity
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
-    from atlantis_netcfg.emulator.linux import ComputerSpec
-
-ROGUE = OfferSpec(server="192.168.8.1", mac="02:00:5E:00:01:24", address="192.168.8.100", router="192.168.8.1")
+ROGUE = linux.OfferSpec(server="192.168.8.1", mac="02:00:5E:00:01:24", address="192.168.8.100", router="192.168.8.1")
 OWN = computer().dhcp["eth0"][0]
 
 
@@ -51,13 +35,13 @@ def pc(**changes: Any) -> World:  # noqa: ANN401 - fields of ComputerSpec
     return World(pc=computer().model_copy(update=changes))
 
 
-def dds(*addresses: str) -> tuple[DdsSpec, ...]:
+def dds(*addresses: str) -> tuple[linux.DdsSpec, ...]:
     """One participant, and where it says that it is reached."""
-    return (DdsSpec(addresses=addresses),)
+    return (linux.DdsSpec(addresses=addresses),)
 
 
-def udp(*ports: int) -> tuple[UdpSpec, ...]:
-    return tuple(UdpSpec(port=port) for port in ports)
+def udp(*ports: int) -> tuple[linux.UdpSpec, ...]:
+    return tuple(linux.UdpSpec(port=port) for port in ports)
 
 
 def around(**changes: Any) -> World:  # noqa: ANN401 - fields of Around
@@ -72,32 +56,32 @@ def looks(**changes: dict[str, Any]) -> World:
     return World(looks={name: {**look, **changes.get(name.replace("-", "_"), {})} for name, look in LOOKS.items()})
 
 
-def with_address(address: str, lease_s: int | None = None, *, instead: bool = False) -> ComputerSpec:
+def with_address(address: str, lease_s: int | None = None, *, instead: bool = False) -> linux.ComputerSpec:
     spec = computer()
     lan, *others = spec.interfaces
     kept = () if instead else lan.addresses
-    changed = lan.model_copy(update={"addresses": (*kept, AddressSpec(address=address, lease_s=lease_s))})
+    changed = lan.model_copy(update={"addresses": (*kept, linux.AddressSpec(address=address, lease_s=lease_s))})
     return spec.model_copy(update={"interfaces": (changed, *others)})
 
 
-def without_tunnel() -> ComputerSpec:
+def without_tunnel() -> linux.ComputerSpec:
     spec = computer()
     return spec.model_copy(update={"interfaces": spec.interfaces[:1], "echoes": {}})
 
 
-def with_tunnel(address: str) -> ComputerSpec:
+def with_tunnel(address: str) -> linux.ComputerSpec:
     spec = computer()
     lan, tunnel = spec.interfaces
-    changed = tunnel.model_copy(update={"addresses": (AddressSpec(address=address),)})
+    changed = tunnel.model_copy(update={"addresses": (linux.AddressSpec(address=address),)})
     return spec.model_copy(update={"interfaces": (lan, changed)})
 
 
-def seen(address: str, mac: str) -> tuple[NeighbourSpec, ...]:
-    return (*computer().neighbours, NeighbourSpec(address=address, dev="eth0", mac=mac))
+def seen(address: str, mac: str) -> tuple[linux.NeighbourSpec, ...]:
+    return (*computer().neighbours, linux.NeighbourSpec(address=address, dev="eth0", mac=mac))
 
 
-def stale(address: str, mac: str) -> tuple[NeighbourSpec, ...]:
-    return (NeighbourSpec(address=address, dev="eth0", mac=mac, state="STALE"),)
+def stale(address: str, mac: str) -> tuple[linux.NeighbourSpec, ...]:
+    return (linux.NeighbourSpec(address=address, dev="eth0", mac=mac, state="STALE"),)
 
 
 def valid(name: str, since: int, until: int) -> World:
@@ -107,7 +91,7 @@ def valid(name: str, since: int, until: int) -> World:
 
 
 def identity(since: int, until: int) -> World:
-    told = CertificateSpec(
+    told = linux.CertificateSpec(
         subject="coastal-gateway", not_before=NOW + timedelta(days=since), not_after=NOW + timedelta(days=until)
     )
     return pc(certificates={IDENTITY: (computer().certificates[IDENTITY][0], told)})
@@ -165,7 +149,7 @@ def answered(change: Callable[[DdsDiscoverResult], DdsDiscoverResult]) -> World:
 
 
 def centre(**changes: Any) -> World:  # noqa: ANN401 - fields of ReflectorSpec
-    return pc(reflectors={"10.80.0.2": ReflectorSpec(host="scc-control").model_copy(update=changes)})
+    return pc(reflectors={"10.80.0.2": linux.ReflectorSpec(host="scc-control").model_copy(update=changes)})
 
 
 def reflected(trouble: Trouble | None = None, words: str = "", **changes: Any) -> World:  # noqa: ANN401 - of Reflected
@@ -264,8 +248,8 @@ BROKEN: dict[str, Callable[[], World]] = {
     # addresses
     "an address with two cards": lambda: pc(
         neighbours=(
-            NeighbourSpec(address="10.64.1.150", dev="eth0", mac="02:00:5E:AA:00:01"),
-            NeighbourSpec(address="10.64.1.150", dev="eth0", mac="02:00:5E:AA:00:02"),
+            linux.NeighbourSpec(address="10.64.1.150", dev="eth0", mac="02:00:5E:AA:00:01"),
+            linux.NeighbourSpec(address="10.64.1.150", dev="eth0", mac="02:00:5E:AA:00:02"),
         )
     ),
     "an address that another card had before": lambda: pc(neighbours=stale("10.64.1.24", "02:00:5E:AA:00:01")),
@@ -301,7 +285,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the gateway's address is on its loopback": lambda: pc(
         interfaces=(
             *computer().interfaces[1:],
-            InterfaceSpec(name="lo", addresses=(AddressSpec(address="10.64.1.10/24"),)),
+            linux.InterfaceSpec(name="lo", addresses=(linux.AddressSpec(address="10.64.1.10/24"),)),
         )
     ),
     "the router tells no address": lambda: lines_of("/ip/address"),
@@ -345,15 +329,15 @@ BROKEN: dict[str, Callable[[], World]] = {
     "no default route": lambda: typed('/ip route disable [find dst-address="0.0.0.0/0"]'),
     "a default route to a stranger": lambda: typed("/ip route add dst-address=0.0.0.0/0 gateway=10.64.1.77 distance=1"),
     "traffic split over two links": lambda: typed("/ip route add dst-address=0.0.0.0/0 gateway=10.10.1.1 distance=10"),
-    "the gateway's default route leads elsewhere": lambda: pc(routes=(RouteSpec(via="10.64.1.77", dev="eth0"),)),
+    "the gateway's default route leads elsewhere": lambda: pc(routes=(linux.RouteSpec(via="10.64.1.77", dev="eth0"),)),
     "the gateway has no default route": lambda: pc(routes=()),
     "the gateway has two equal default routes": lambda: pc(
-        routes=(RouteSpec(via="10.64.1.1", dev="eth0"), RouteSpec(via="192.168.4.1", dev="wlan0"))
+        routes=(linux.RouteSpec(via="10.64.1.1", dev="eth0"), linux.RouteSpec(via="192.168.4.1", dev="wlan0"))
     ),
     "the gateway has a spare default route": lambda: pc(
         routes=(
-            RouteSpec(via="10.64.1.1", dev="eth0"),
-            RouteSpec(via="192.168.4.1", dev="wlan0", protocol="dhcp", metric=600),
+            linux.RouteSpec(via="10.64.1.1", dev="eth0"),
+            linux.RouteSpec(via="192.168.4.1", dev="wlan0", protocol="dhcp", metric=600),
         )
     ),
     "half of a default route that goes before it": lambda: typed(
@@ -361,7 +345,11 @@ BROKEN: dict[str, Callable[[], World]] = {
         "/ip route add dst-address=128.0.0.0/1 gateway=10.64.1.77"
     ),
     "halves of a default route that go before the gateway's": lambda: pc(
-        routes=(*computer().routes, RouteSpec(to="0.0.0.0/1", dev="tun0"), RouteSpec(to="128.0.0.0/1", dev="tun0"))
+        routes=(
+            *computer().routes,
+            linux.RouteSpec(to="0.0.0.0/1", dev="tun0"),
+            linux.RouteSpec(to="128.0.0.0/1", dev="tun0"),
+        )
     ),
     "the gateway's default route has no link": lambda: answers(
         lambda question, answer: (
@@ -439,7 +427,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the ping of the VPN server was cut short": lambda: ran(
         "ping", out=PINGED.replace("5 packets", "1 packets").format("1", "")
     ),
-    "the VPN server loses pings": lambda: pc(echoes={"10.80.0.1": EchoSpec(loss_percent=40, rtt_ms=650)}),
+    "the VPN server loses pings": lambda: pc(echoes={"10.80.0.1": linux.EchoSpec(loss_percent=40, rtt_ms=650)}),
     # data
     "the control centre is silent": lambda: pc(reflectors={}),
     "the control centre is silent over a satellite": lambda: World(
@@ -460,21 +448,25 @@ BROKEN: dict[str, Callable[[], World]] = {
     "nothing answers at the control centre": lambda: reflected(Trouble.REFUSED, "10.80.0.2: Connection refused"),
     "nothing can be sent": lambda: reflected(Trouble.UNREACHABLE, "10.80.0.2: Network is unreachable"),
     "data would leave by the cable": lambda: pc(
-        routes=(*computer().routes, RouteSpec(to="10.80.0.2/32", via="10.64.1.77", dev="eth0"))
+        routes=(*computer().routes, linux.RouteSpec(to="10.80.0.2/32", via="10.64.1.77", dev="eth0"))
     ),
     "there is no route to the control centre": lambda: ran(
         "way scc-control", rc=2, out="", err="RTNETLINK answers: Network is unreachable\n"
     ),
     # DDS
-    "nobody speaks DDS": lambda: pc(udp=(UdpSpec(port=5353),), dds=()),
-    "DDS in another domain": lambda: pc(udp=udp(7650, 7660, 7661), dds=(DdsSpec(domain=1, addresses=("10.80.0.21",)),)),
+    "nobody speaks DDS": lambda: pc(udp=(linux.UdpSpec(port=5353),), dds=()),
+    "DDS in another domain": lambda: pc(
+        udp=udp(7650, 7660, 7661), dds=(linux.DdsSpec(domain=1, addresses=("10.80.0.21",)),)
+    ),
     "DDS in another domain without its profile": lambda: pc(udp=udp(7650, 7651, 59363), dds=()),
     "DDS without its profile, Fast DDS": lambda: pc(udp=udp(7400, 7410, 7411, 45896)),
     "DDS without its profile, Cyclone DDS": lambda: pc(udp=udp(7400, 7401, 59318), dds=()),
     "DDS with and without its profile, Fast DDS": lambda: pc(udp=udp(7400, 7410, 7411, 7412, 7413)),
     "DDS with and without its profile, Cyclone DDS": lambda: pc(udp=udp(7400, 7400, 7401, 7401, 7410, 7411)),
     "others at ports of DDS": lambda: pc(udp=udp(7400, 7660, 14550, 32784), dds=()),
-    "more participants than declared": lambda: pc(udp=tuple(UdpSpec(port=7410 + 2 * number) for number in range(12))),
+    "more participants than declared": lambda: pc(
+        udp=tuple(linux.UdpSpec(port=7410 + 2 * number) for number in range(12))
+    ),
     "announcements were dropped": lambda: ran(
         "sockets",
         out="  sl  local_address rem_address\n"

@@ -1,56 +1,23 @@
 """The coastal site in this process: its router as a twin that holds its declared text, its gateway as a twin, too."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from atlantis_netcfg.checklist.probes import (
-    Cell,
-    CommandResult,
-    DdsDiscoverRequest,
-    DdsDiscoverResult,
-    DhcpDiscoverRequest,
-    DhcpOffer,
-    DhcpOffers,
-    LinkStatusRequest,
-    LinkStatusResult,
-    Reflected,
-    ReflectRequest,
-    ReflectResult,
-    RouterOsQuery,
-    Rows,
-    RunProgram,
-    Trouble,
-)
+from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.probes.site_checks.link_qualified import NAME as LINK_QUALIFIED
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.linux import (
-    CertificateSpec,
-    Computer,
-    ComputerSpec,
-    DdsSpec,
-    ReflectorSpec,
-    TimeSpec,
-    UdpSpec,
-    lan_computer,
-)
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
 from atlantis_netcfg.emulator.routeros.spec import Environment, Load, ManagementSpec, Radio, RouterSpec, User, Validity
 from atlantis_netcfg.render import router
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer, Judged, Question, Step
-    from atlantis_netcfg.declaration import Declaration
 
 SITE = "coastal"
 NOW = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
@@ -74,7 +41,7 @@ LOOKS: dict[str, dict[str, Any]] = {
 }
 
 PREFIX = b"it who asks."
-SAID: dict[RouterOsQuery, Rows] = {}
+SAID: dict[probes.RouterOsQuery, probes.Rows] = {}
 
 
 @cache
@@ -82,9 +49,9 @@ def declaration() -> Declaration:
     return load(Path(__file__).resolve().parents[4] / "inventory")
 
 
-def computer() -> ComputerSpec:
+def computer() -> linux.ComputerSpec:
     others = {address: mac for address, mac in CARDS.items() if address != "10.64.1.10"}
-    found = lan_computer(
+    found = linux.lan_computer(
         "coastal-gateway",
         address="10.64.1.10/24",
         mac="02:00:5E:00:01:10",
@@ -95,16 +62,21 @@ def computer() -> ComputerSpec:
     )
     told = {"not_before": NOW - timedelta(days=10), "not_after": NOW + timedelta(days=900)}
     certificates = (
-        CertificateSpec(subject="EXAMPLE VPN authority", **told),
-        CertificateSpec(subject="coastal-gateway", **told),
+        linux.CertificateSpec(subject="EXAMPLE VPN authority", **told),
+        linux.CertificateSpec(subject="coastal-gateway", **told),
     )
     return found.model_copy(
         update={
             "files": {**found.files, NETPLAN: "network:\n  addresses: [10.64.1.10/24]\n"},
             "certificates": {IDENTITY: certificates},
-            "udp": (UdpSpec(port=7410), UdpSpec(port=7411), UdpSpec(port=5353), UdpSpec(port=32784)),
-            "dds": (DdsSpec(addresses=("10.80.0.21",)),),
-            "reflectors": {"10.80.0.2": ReflectorSpec(host="scc-control")},
+            "udp": (
+                linux.UdpSpec(port=7410),
+                linux.UdpSpec(port=7411),
+                linux.UdpSpec(port=5353),
+                linux.UdpSpec(port=32784),
+            ),
+            "dds": (linux.DdsSpec(addresses=("10.80.0.21",)),),
+            "reflectors": {"10.80.0.2": linux.ReflectorSpec(host="scc-control")},
         }
     )
 
@@ -113,16 +85,16 @@ def computer() -> ComputerSpec:
 class World:
     """What is asked, and how late it is; healthy unless somebody breaks it."""
 
-    pc: ComputerSpec = field(default_factory=computer)
+    pc: linux.ComputerSpec = field(default_factory=computer)
     around: dict[str, Any] = field(default_factory=lambda: dict(AROUND))
     clock: datetime = NOW
     script: str = ""
     """Typed into the router afterwards."""
     looks: dict[str, dict[str, Any]] = field(default_factory=lambda: {name: dict(look) for name, look in LOOKS.items()})
     neighbours: tuple[str, ...] = NEIGHBOURS
-    answers: Callable[[Question, Answer], Answer] = field(default=lambda _question, answer: answer)
+    answers: Callable[[probes.Question, probes.Answer], probes.Answer] = field(default=lambda _question, answer: answer)
     """Last word on every answer."""
-    steps: tuple[Step, ...] = ()
+    steps: tuple[probes.Step, ...] = ()
     """Of a site that is declared otherwise; none: those of the shipped example."""
 
     def __post_init__(self) -> None:
@@ -135,42 +107,46 @@ class World:
             assert self.device.run(self.caller, ["/safe-mode/take"])[-1].kind == "!done"
             (reply,) = self.device.run(self.caller, ["/execute", f"=script={self.script}", "=as-string="])
             assert reply.words[0] == "=ret=", reply.words
-        self.computer = Computer(self.pc, NOW.timestamp)
+        self.computer = linux.Computer(self.pc, NOW.timestamp)
 
-    def ask(self, question: Question) -> Answer:
+    def ask(self, question: probes.Question) -> probes.Answer:
         return self.answers(question, self._answer(question))
 
-    def _answer(self, question: Question) -> Answer:
+    def _answer(self, question: probes.Question) -> probes.Answer:
         stamps = {"asked": NOW.timestamp() - 0.2, "heard": NOW.timestamp() + 0.3}
-        if isinstance(question, RouterOsQuery):
+        if isinstance(question, probes.RouterOsQuery):
             return replace(self._rows(question), asked=stamps["asked"], heard=stamps["heard"])
-        if isinstance(question, RunProgram):
+        if isinstance(question, probes.RunProgram):
             rc, out, err = self.computer.answer(question.argv)
-            trouble = Trouble.MISSING if rc == 127 else None
-            return CommandResult(trouble, "", rc, out, err, began=self.computer.now, **stamps)
-        if isinstance(question, DhcpDiscoverRequest):
+            trouble = probes.Trouble.MISSING if rc == 127 else None
+            return probes.CommandResult(trouble, "", rc, out, err, began=self.computer.now, **stamps)
+        if isinstance(question, probes.DhcpDiscoverRequest):
             found = self.computer.offers(question.interface, question.cards) or ()
-            return DhcpOffers(
-                None, "", tuple(DhcpOffer(one.server, one.mac.lower(), one.address, one.router) for one in found)
+            return probes.DhcpOffers(
+                None, "", tuple(probes.DhcpOffer(one.server, one.mac.lower(), one.address, one.router) for one in found)
             )
-        if isinstance(question, DdsDiscoverRequest):
+        if isinstance(question, probes.DdsDiscoverRequest):
             heard = self.computer.participants(question.domain, question.address, PREFIX)
             return (
-                DdsDiscoverResult(Trouble.UNREACHABLE) if heard is None else DdsDiscoverResult(None, "", PREFIX, heard)
+                probes.DdsDiscoverResult(probes.Trouble.UNREACHABLE)
+                if heard is None
+                else probes.DdsDiscoverResult(None, "", PREFIX, heard)
             )
-        if isinstance(question, ReflectRequest):
+        if isinstance(question, probes.ReflectRequest):
             return self._reflected(question)
-        assert isinstance(question, LinkStatusRequest)
-        return LinkStatusResult(None, "", self.looks[question.bearer])
+        assert isinstance(question, probes.LinkStatusRequest)
+        return probes.LinkStatusResult(None, "", self.looks[question.bearer])
 
-    def _reflected(self, question: ReflectRequest) -> ReflectResult:
+    def _reflected(self, question: probes.ReflectRequest) -> probes.ReflectResult:
         sent = tuple(f"{number:032x}" for number in range(question.count))
         came = self.computer.reflected(question.source, question.address, sent)
         if came is None:
-            return ReflectResult(Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address")
-        return ReflectResult(None, "", sent, tuple(Reflected(*one) for one in came))
+            return probes.ReflectResult(
+                probes.Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address"
+            )
+        return probes.ReflectResult(None, "", sent, tuple(probes.Reflected(*one) for one in came))
 
-    def _rows(self, question: RouterOsQuery) -> Rows:
+    def _rows(self, question: probes.RouterOsQuery) -> probes.Rows:
         """A router as it should be says the same to everybody, so that it is asked once."""
         if self.script or self.around != AROUND or self.device is not kept():
             return self._told(question)
@@ -178,15 +154,15 @@ class World:
             SAID[question] = self._told(question)
         return SAID[question]
 
-    def _told(self, question: RouterOsQuery) -> Rows:
+    def _told(self, question: probes.RouterOsQuery) -> probes.Rows:
         words = [question.query.path, *(f"={name}={value}" for name, value in question.query.words)]
         replies = self.device.run(self.caller, words)
         if refused := [reply for reply in replies if reply.kind == "!trap"]:
-            return Rows(None, " ".join(refused[0].words), None)
+            return probes.Rows(None, " ".join(refused[0].words), None)
         told = [reply for reply in replies if reply.kind == "!re"]
-        return Rows(None, "", tuple(dict(word[1:].partition("=")[::2] for word in one.words) for one in told))
+        return probes.Rows(None, "", tuple(dict(word[1:].partition("=")[::2] for word in one.words) for one in told))
 
-    def judged(self, step: Step) -> Judged:
+    def judged(self, step: probes.Step) -> probes.Judged:
         assert step.probe is not None
         questions = step.probe.asks()
         assert len({question.name for question in questions}) == len(questions)
@@ -201,7 +177,7 @@ class World:
         return {name: lines(judged) for name, judged in found.items()}
 
 
-def lines(judged: Judged) -> list[str]:
+def lines(judged: probes.Judged) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in judged.findings]
 
 
@@ -231,11 +207,11 @@ def kept() -> Device:
 
 
 @cache
-def own_steps() -> tuple[Step, ...]:
-    return judged_here(steps(Cell(declaration(), SITE, None, "site")))
+def own_steps() -> tuple[probes.Step, ...]:
+    return judged_here(steps(probes.Cell(declaration(), SITE, None, "site")))
 
 
-def judged_here(every: tuple[Step, ...]) -> tuple[Step, ...]:
+def judged_here(every: tuple[probes.Step, ...]) -> tuple[probes.Step, ...]:
     """Those that ask the site; measured links are read from this computer, in test_own_link_qualified.py."""
     return tuple(step for step in every if not step.name.startswith(LINK_QUALIFIED))
 
@@ -254,5 +230,5 @@ def pem(name: str) -> str:
     return issue({"common-name": name, "key-size": "prime256v1"}, now=NOW)
 
 
-def timed(spec: ComputerSpec, **changes: Any) -> ComputerSpec:  # noqa: ANN401 - fields of TimeSpec
-    return spec.model_copy(update={"time": TimeSpec(**changes)})
+def timed(spec: linux.ComputerSpec, **changes: Any) -> linux.ComputerSpec:  # noqa: ANN401 - fields of TimeSpec
+    return spec.model_copy(update={"time": linux.TimeSpec(**changes)})

@@ -1,9 +1,8 @@
 """What the checks of a site advise is typed as it stands, beside whatever is broken."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hints_said import advised, said
@@ -12,14 +11,10 @@ from own_world import NOW, World, own_steps
 from test_hints_of_vpn import GATEWAY, ROUTER, Laptop, laptop
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.declaration import Host
 from atlantis_netcfg.emulator.routeros.spec import Validity
 from atlantis_netcfg.operations.vpn.router import InstalledIdentity
 from atlantis_netcfg.routeros.apply import Status
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from atlantis_netcfg.declaration import Host
 
 __all__ = ["laptop"]
 RENEWED = (

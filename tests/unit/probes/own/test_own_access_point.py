@@ -1,26 +1,20 @@
 """The item of the gateway's own access point: judged on what the emulated `iw` prints."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import Cell
+from atlantis_netcfg.checklist.probes import Cell, Step
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.probes.step import CommandResult, Place, RunProgram
 from atlantis_netcfg.checklist.runner.simulated._world import gateway_computer
 from atlantis_netcfg.core.reading_programs import allowed
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Gateway, GatewayAccessPoint, Router
+from atlantis_netcfg.emulator.linux import ComputerSpec, InterfaceSpec
 from atlantis_netcfg.emulator.linux._ip import iw
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Step
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.linux import ComputerSpec, InterfaceSpec
 
 SHIPPED = load(Path(__file__).parents[4] / "inventory")
 RADIO = GatewayAccessPoint.model_validate(

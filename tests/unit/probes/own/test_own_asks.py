@@ -1,7 +1,5 @@
 """What the checks ask for: only reading, only what the devices know, and only what has been allowed."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

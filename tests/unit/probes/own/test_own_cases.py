@@ -1,24 +1,17 @@
-from __future__ import annotations
-
 import ast
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import yaml
 from own_broken import BROKEN
 from own_world import SITE, World, declaration, own_steps
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist.probes import Cell, site_checks
+from atlantis_netcfg.checklist.probes import Cell, Step, site_checks
 from atlantis_netcfg.checklist.probes.site_checks import NAMES, steps
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.declaration.model import OperatorStation
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from atlantis_netcfg.checklist.probes import Step
 
 LISTED: dict[str, dict[str, list[str]]] = yaml.safe_load(
     (Path(__file__).parent / "own_cases.yml").read_text(encoding="utf-8")

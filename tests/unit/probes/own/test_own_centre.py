@@ -1,20 +1,11 @@
 """Whether data reach the gateways, as the control centre asks them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
 from own_world import declaration, lines
 
-from atlantis_netcfg.checklist.probes import (
-    Cell,
-    CommandResult,
-    LinkStatusResult,
-    Reflected,
-    ReflectRequest,
-    ReflectResult,
-)
+from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.declaration.model import ServerComputer
@@ -25,25 +16,25 @@ TOKENS = ("aa", "bb", "cc")
 HAS_TUNNEL = json.dumps([{"ifname": "tun0", "addr_info": [{"family": "inet", "local": OWN, "prefixlen": 16}]}])
 
 
-def answered(name: str, address: str) -> ReflectResult:
+def answered(name: str, address: str) -> probes.ReflectResult:
     rows = ({"token": token, "host": name, "from": OWN, "to": address, "by": "tun0"} for token in TOKENS)
-    came = tuple(Reflected(address, "tun0", 0.7, json.dumps(row).encode()) for row in rows)
-    return ReflectResult(None, "", TOKENS, came)
+    came = tuple(probes.Reflected(address, "tun0", 0.7, json.dumps(row).encode()) for row in rows)
+    return probes.ReflectResult(None, "", TOKENS, came)
 
 
-def told(**silent: ReflectResult) -> list[str]:
+def told(**silent: probes.ReflectResult) -> list[str]:
     """What is said when both gateways answer, but for these."""
-    (step,) = (one for one in steps(Cell(declaration(), "scc", None, "site")) if one.name == "data-reaches-scc")
+    (step,) = (one for one in steps(probes.Cell(declaration(), "scc", None, "site")) if one.name == "data-reaches-scc")
     assert step.probe is not None
     assert step.concerns == ("scc-control", *GATEWAYS)
-    asked = {one.name: one for one in step.probe.asks() if isinstance(one, ReflectRequest)}
+    asked = {one.name: one for one in step.probe.asks() if isinstance(one, probes.ReflectRequest)}
     assert {(one.source, one.address) for one in asked.values()} == {(OWN, address) for address in GATEWAYS.values()}
     answers = {f"data {name}": answered(name, address) for name, address in GATEWAYS.items()}
-    ways = {f"way {name}": CommandResult(None, out='[{"dev": "tun0"}]') for name in GATEWAYS}
-    links = {"look uplink": LinkStatusResult(None, "", {"state": "up", "active": True})}
+    ways = {f"way {name}": probes.CommandResult(None, out='[{"dev": "tun0"}]') for name in GATEWAYS}
+    links = {"look uplink": probes.LinkStatusResult(None, "", {"state": "up", "active": True})}
     rest = {f"data {name.replace('_', '-')}": one for name, one in silent.items()}
     return lines(
-        step.probe.judge({"addresses": CommandResult(None, out=HAS_TUNNEL), **ways, **links, **answers, **rest})
+        step.probe.judge({"addresses": probes.CommandResult(None, out=HAS_TUNNEL), **ways, **links, **answers, **rest})
     )
 
 
@@ -55,7 +46,7 @@ def test_every_gateway_is_asked_and_has_its_finding() -> None:
 
 
 def test_a_gateway_that_is_silent_may_be_switched_off() -> None:
-    assert told(te4sea_gateway=ReflectResult(None, "", TOKENS))[1:] == [
+    assert told(te4sea_gateway=probes.ReflectResult(None, "", TOKENS))[1:] == [
         "INCONCLUSIVE gateway-silent: te4sea-gateway has answered none of 3 messages: it may be off"
     ]
 
@@ -76,7 +67,7 @@ def test_where_nobody_is_in_the_vpn_a_person_looks() -> None:
         for name, host in shipped.hosts.items()
     }
     for site in ("coastal", "scc"):
-        made = steps(Cell(replace(shipped, hosts=hosts), site, None, "site"))
+        made = steps(probes.Cell(replace(shipped, hosts=hosts), site, None, "site"))
         (step,) = (one for one in made if one.name == "data-reaches-scc")
         assert step.kind is ItemKind.PERSON
         assert step.do.startswith("No program can send anything through the VPN")

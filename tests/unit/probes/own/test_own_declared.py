@@ -1,21 +1,16 @@
 """Sites that are declared otherwise than the shipped example."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from own_broken import LEAVE, lines_of, with_address
 from own_world import NETPLAN, SITE, World, computer, declaration, judged_here
 
-from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest
+from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest, Step
 from atlantis_netcfg.checklist.probes.site_checks import steps
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import AddressBy, ComputerNetwork, Gateway, NetworkTool, Poe, PoeMode, Router
 from atlantis_netcfg.gateway.parts import computer_network
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Step
-    from atlantis_netcfg.declaration import Declaration
 
 NETWORK = ComputerNetwork(by=NetworkTool.NETPLAN, interface="eth7")
 

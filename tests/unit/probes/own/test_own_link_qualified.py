@@ -1,17 +1,15 @@
 """The item of a measured link: green only for a real measurement, not an old one, that proves all of it."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from hints_said import advised
 
-from atlantis_netcfg.checklist.probes import Cell, LinkRecordRequest, LinkRecordResult, Place, Trouble
+from atlantis_netcfg.checklist.probes import Answer, Cell, LinkRecordRequest, LinkRecordResult, Place, Step, Trouble
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.checklist.runner.simulated._world import healthy
@@ -23,19 +21,14 @@ from atlantis_netcfg.cli._commands import COMMANDS, choose
 from atlantis_netcfg.cli._commands import load as load_command
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import BearerKind
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.qualify.kept import RECORD_FILE, folder_of, record_json
 from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, write_run
-from atlantis_netcfg.qualify.record import make_record
+from atlantis_netcfg.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.qualify.samples import SampleWriter
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Answer, Step
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.qualify.record import QualifyRecord
 
 SHIPPED = load(Path(__file__).parents[4] / "inventory")
 NOW = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)

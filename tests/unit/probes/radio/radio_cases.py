@@ -5,21 +5,15 @@ The answers of `iw` are made here after its sources (link.c, station.c, interfac
 `ping` are from iproute2 6.1 and iputils 20221126.
 """
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import yaml
 
-from atlantis_netcfg.checklist.probes import CommandResult, Trouble
+from atlantis_netcfg.checklist.probes import Answer, CommandResult, Judged, Probe, Trouble
 from atlantis_netcfg.core.events import Verdict
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer, Judged, Probe
 
 BSSID = "04:f0:21:45:12:9a"
 

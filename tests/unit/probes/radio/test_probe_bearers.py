@@ -1,7 +1,5 @@
 """The links of a location, as the columns Wi-Fi, 4G, Satellite and Ethernet show what `provision links` found."""
 
-from __future__ import annotations
-
 import pytest
 from radio_cases import Case, check, codes, listed
 

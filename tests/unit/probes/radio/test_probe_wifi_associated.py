@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from radio_cases import (
     BSSID,
     NOBODY,

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 import trees
 from radio_cases import NOBODY, Case, check, codes, listed, pings, way

@@ -1,28 +1,12 @@
 """The programs themselves, as they are on this computer: what they print is what is read."""
 
-from __future__ import annotations
-
 import subprocess
-from typing import TYPE_CHECKING
 
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.checklist.probes import CommandResult, Place
+from atlantis_netcfg.checklist.probes import CommandResult, Place, RunProgram, ping
 from atlantis_netcfg.checklist.probes import ping as _ping
-from atlantis_netcfg.checklist.probes.ping import (
-    NeighbourRoute,
-    NetworkCard,
-    card_request,
-    neighbour_request,
-    read_card,
-    read_neighbour,
-    read_route,
-    route_request,
-)
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import RunProgram
 
 
 def run(question: RunProgram) -> CommandResult:
@@ -37,12 +21,12 @@ def short(address: str) -> RunProgram:
 
 
 def test_ip_is_read_as_it_prints() -> None:
-    assert read_route(run(route_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") == NeighbourRoute("lo")
-    assert read_card(run(card_request(Place.LAPTOP, "lo"))) == NetworkCard(up=True, carrier=True)
-    missing = run(card_request(Place.LAPTOP, "nosuchif0"))
+    assert ping.read_route(run(ping.route_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") == ping.NeighbourRoute("lo")
+    assert ping.read_card(run(ping.card_request(Place.LAPTOP, "lo"))) == ping.NetworkCard(up=True, carrier=True)
+    missing = run(ping.card_request(Place.LAPTOP, "nosuchif0"))
     assert "does not exist" in missing.err
-    assert read_card(missing) is None
-    assert read_neighbour(run(neighbour_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") is None
+    assert ping.read_card(missing) is None
+    assert ping.read_neighbour(run(ping.neighbour_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") is None
 
 
 def test_ping_is_read_as_it_prints(monkeypatch: pytest.MonkeyPatch) -> None:

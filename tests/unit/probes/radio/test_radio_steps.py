@@ -1,28 +1,16 @@
 """Which items the radio columns make of a declaration."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Step
 from atlantis_netcfg.checklist.probes.registry import steps_of
 from atlantis_netcfg.checklist.report import ItemKind
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Bearer, Endpoints
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-ROOT = Path(__file__).parents[4]
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 def told(steps: tuple[Step, ...]) -> list[tuple[str, str, tuple[str, ...]]]:

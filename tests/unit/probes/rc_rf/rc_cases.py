@@ -1,17 +1,12 @@
 """What arrives of a vehicle; what a technician is told of it stands in `rc_cases.yml`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import cos, sin
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rc_said import ARMED, BEGAN, RC, STRANGER, UNUSED, Says, heard, moving, together
 
-from atlantis_netcfg.checklist.probes import Trouble
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Transcript
+from atlantis_netcfg.checklist.probes import Transcript, Trouble
 
 
 @dataclass(frozen=True)

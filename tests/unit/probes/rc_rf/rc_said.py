@@ -1,17 +1,13 @@
 """MAVLink frames of an autopilot, as pymavlink packs them, and what was listened to of them."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import common
 
 from atlantis_netcfg.checklist.probes import Transcript
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 SENDER, STRANGER = "10.64.1.24", "10.64.1.77"
 """Stork's companion computer, and another computer of the LAN."""

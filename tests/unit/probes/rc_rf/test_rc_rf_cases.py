@@ -1,11 +1,8 @@
 """Every case lists all that is said; streams are judged as they came, and one byte at a time."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import yaml
@@ -15,15 +12,12 @@ from rc_cases import CASES, Case
 from rc_said import ARMED, UNUSED, WANTED, Says, bytewise, heard
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Step, Transcript
+from atlantis_netcfg.checklist.probes import Cell, Judged, Listen, Place, Step, Transcript
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved, steps
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Endpoints
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Judged
 
 LISTED: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("rc_cases.yml").read_text(encoding="utf-8"))
 
@@ -138,14 +132,6 @@ def test_no_datagram_makes_the_reader_fail(datagrams: list[bytes]) -> None:
 
 
 # Which items the column makes of a declaration.
-
-
-ROOT = Path(__file__).parents[4]
-
-
-@pytest.fixture(scope="module")
-def declaration() -> Declaration:
-    return load(ROOT / "inventory")
 
 
 def of(declaration: Declaration, vehicle: str, endpoints: dict[str, object] | None = None) -> tuple[Step, ...]:
