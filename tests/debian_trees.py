@@ -1,7 +1,5 @@
 """The Debian trees that tests start machines from; `tools/trees [full|campaign]` builds them before the tests do."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Run one test over all rows of a table: each row that fails is reported by name, and one that holds costs nothing."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import itertools

@@ -1,12 +1,8 @@
 """Wait for events with one long limit, which only catches what hangs, however busy the machine is."""
 
-from __future__ import annotations
-
 import time
-from typing import TYPE_CHECKING, TypeVar
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from collections.abc import Callable
+from typing import TypeVar
 
 _Value = TypeVar("_Value")
 HANG_S = 300.0

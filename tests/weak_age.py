@@ -3,8 +3,6 @@
 `pyrage` always chooses a cost of about one second. Files of this module are opened by the real `pyrage` and `age`.
 """
 
-from __future__ import annotations
-
 import base64
 import os
 import textwrap

@@ -5,15 +5,26 @@ in the files that a command writes. A command is played here, or the reason stan
 The program itself is started once for each kind of far end; a prepared process prints through the same streams.
 """
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+import subprocess
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import pytest
+from _pytest.mark import ParameterSet
 from hostile_console import hostile_console
 from hostile_ssh import MANNERS, before_ssh
-from impostor import HOSTILE, control_characters, fake_lines, hostile, in_every, leaving_out, refused_login, refusing
+from impostor import (
+    HOSTILE,
+    Answer,
+    control_characters,
+    fake_lines,
+    hostile,
+    in_every,
+    leaving_out,
+    refused_login,
+    refusing,
+)
 from npk_files import write
 from quay import ADDRESS, ROUTER, Door, Quay, forwarded, fresh_quay
 from vpn_desk import NOBODY, PASSPHRASE, over_a_pipe
@@ -22,14 +33,6 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 from atlantis_netcfg.console.terminal import Terminal
 from atlantis_netcfg.journal import Store
-
-if TYPE_CHECKING:
-    import subprocess
-    from collections.abc import Iterable, Iterator
-    from pathlib import Path
-
-    from _pytest.mark import ParameterSet
-    from impostor import Answer
 
 CODES = frozenset({0, 2, 4, 5, 6})
 GATEWAY = "coastal-gateway"

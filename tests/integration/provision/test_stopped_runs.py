@@ -1,23 +1,18 @@
 """Runs that are stopped or killed: the command says what is known of every host, and never hangs."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hints_said import advised
 from quay import PROVISION, ROUTER, Quay, quay
 from test_real_run import await_record
 from waiting import HANG_S, wait_until
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 SENT = '"kind":"layer-sent"'

@@ -1,9 +1,8 @@
 """`provision use` on a real address: there, told by everybody, and back, by the router or by a person."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hints_said import advised, said
@@ -13,10 +12,6 @@ from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.routeros.link_use import SETTLED_S
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

@@ -3,14 +3,12 @@
 Its own counters are the second witness: what is denied is counted once, whatever else is waited for.
 """
 
-from __future__ import annotations
-
 import itertools
 import socket
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING
 
 import pytest
 from matrix_probe import Heard, Probes, answered, asked, datagram
@@ -29,9 +27,6 @@ from matrix_stand import (
 )
 
 from atlantis_netcfg.vpn.policy import ADMITTED, TABLE, Flow, Party, Policy, Protocol, policy
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
 
 GATEWAY, SERVER_LAN = "coastal-gateway", "10.64.0.10"
 LAPTOP, ZARCO, OTHER, SPARUS = "inesc-laptop", "inesc-zarco", "iqua-laptop", "iqua-sparus"

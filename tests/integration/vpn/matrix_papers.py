@@ -1,24 +1,17 @@
 """Who shall be in a stand's VPN, and what the product hands out to them."""
 
-from __future__ import annotations
-
 import hashlib
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import Gateway, VpnServer
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, profile
-from atlantis_netcfg.vpn.identity import MemberKind
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.identity import Identity
+from atlantis_netcfg.vpn.identity import Identity, MemberKind
 
 _PASSPHRASE = Secret("a long passphrase of this test alone")
 

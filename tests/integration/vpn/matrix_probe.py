@@ -4,25 +4,19 @@ An end hears only what is for its own address. The server's own packet socket st
 answer is the proof. Nothing listens for TCP: the answer is a reset. UDP is echoed.
 """
 
-from __future__ import annotations
-
 import selectors
 import socket
 import struct
 import threading
 import time
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING
 
+from matrix_stand import Vpn
 from waiting import HANG_S
 
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
-    from matrix_stand import Vpn
 
 _ETH_P_IP = 0x0800
 _OUTGOING = 4

@@ -7,33 +7,28 @@
 sends there may pass a slow link with outages. Keys are from an authority of its own; nothing here is installed.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
+import socket
 import subprocess
 import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from typing import IO, TYPE_CHECKING
+from pathlib import Path
+from typing import IO
 
 import pytest
 from matrix_papers import issued, write
 from slow_link import SATELLITE, Link, open_in
 from waiting import HANG_S
 
+from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.vpn import server as product
-
-if TYPE_CHECKING:
-    import socket
-    from collections.abc import Callable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.udp_link import LinkShape
-    from atlantis_netcfg.vpn.authority.authority import Authority
-    from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
-    from atlantis_netcfg.vpn.identity import MembershipList
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
+from atlantis_netcfg.vpn.identity import MembershipList
 
 NET, SERVER = "net", "server"
 BESIDE, BEHIND, TECHNICIAN, ENGINEER = "beside", "behind", "technician", "engineer"

@@ -5,16 +5,11 @@ with such a code. `…` stands for what is filled in. Where a message only passe
 read as well (REASONS, REASON_CALLS). Findings of a checklist are not among them: each has a hint of its own.
 """
 
-from __future__ import annotations
-
 import ast
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
 
 PACKAGE = Path(__file__).resolve().parents[3] / "atlantis_netcfg"
 CODES = frozenset({"FAILED", "UNKNOWN", "CHECKS_FAILED"})

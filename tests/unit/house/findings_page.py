@@ -5,18 +5,13 @@
 A finding's message and hint stand in one place, the code that judges. `…` stands for what is filled in.
 """
 
-from __future__ import annotations
-
 import ast
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 from failure_messages import LEAST, PACKAGE, functions, inside, variants
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 PAGE = PACKAGE.parent / "docs" / "findings.md"
 HELPERS = {"warn": "WARN", "fail": "FAIL", "unknown": "INCONCLUSIVE"}

@@ -1,16 +1,11 @@
 """Where what can be made again is kept."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import cache_dir, private_cache
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.parametrize(

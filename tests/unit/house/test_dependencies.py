@@ -1,7 +1,5 @@
 """Every dependency is pinned, is used, and has its row in docs/dependencies.md."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

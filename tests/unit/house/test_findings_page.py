@@ -1,7 +1,5 @@
 """docs/findings.md is what the source says: each finding that is not green has its row there."""
 
-from __future__ import annotations
-
 import ast
 import re
 

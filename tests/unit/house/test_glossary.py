@@ -1,7 +1,5 @@
 """docs/glossary.md lists each word once, in order, and where it stands exists."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The rules of tests/conftest.py, seen from outside: a test suite of its own under the same conftest."""
 
-from __future__ import annotations
-
 import socket
 from pathlib import Path
 

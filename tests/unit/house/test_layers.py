@@ -1,7 +1,5 @@
 """Imports go down the layers of docs/architecture.md."""
 
-from __future__ import annotations
-
 import ast
 import re
 from graphlib import TopologicalSorter

@@ -1,7 +1,5 @@
 """What `ansible-doc` shows of our modules is what they take."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 from typing import Any

@@ -1,18 +1,13 @@
 """No name of a private language comes back: participles for values, metaphors, `one` for a row (docs/glossary.md)."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.core.paths import checkout
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 RETIRED = frozenset(
     {

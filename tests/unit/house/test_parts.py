@@ -1,7 +1,5 @@
 """One list of checks serves `make lint` and pre-commit; one list of parts serves `make quick` and CONTRIBUTING.md."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

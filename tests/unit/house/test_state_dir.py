@@ -1,19 +1,14 @@
 """Where the state lives, and what is said when there is no place for it."""
 
-from __future__ import annotations
-
 import os
 import pwd
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import cache_place, checkout, state_dir, state_place
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.parametrize(

@@ -1,19 +1,15 @@
 """What programs and people rely on is still there: commands, exit codes, codes of findings, keys of `--json`."""
 
-from __future__ import annotations
-
 import ast
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
 
 from atlantis_netcfg.cli._commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 CHECKOUT = Path(__file__).parents[3]
 BEFORE: dict[str, Any] = yaml.safe_load((CHECKOUT / "tests/data/surface.yml").read_text(encoding="utf-8"))

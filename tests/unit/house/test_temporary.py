@@ -1,7 +1,5 @@
 """What a killed process has left is removed by the next one, and nothing else is."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
@@ -10,16 +8,13 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.core import temporary
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 ROOT = Path(__file__).parents[3]
 OWNER = """\

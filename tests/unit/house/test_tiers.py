@@ -1,7 +1,5 @@
 """Every test is in exactly one tier, every tier is run by a target of the Makefile, and the shards miss nothing."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """docs/troubleshooting.md has a row for each message of exit codes 4, 5 and 6, and none for a message that is gone."""
 
-from __future__ import annotations
-
 import ast
 import re
 from functools import cache
