@@ -26,7 +26,7 @@ from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from mutants_children import Job, end_child, fork, run_pytest
+from mutants_children import NOT_PATCHED, Job, end_child, fork, run_judged, run_pytest
 from mutants_reach import ROOT, Importer, record
 from mutations import Mutation, mutations
 
@@ -34,8 +34,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 PACKAGE = ROOT / "atlantis_netcfg"
+ENGINE = ("integration/engine", "integration/pair", "unit/packages")
 PARTS = {
-    "routeros": (("routeros",), ("routeros", "plan", "pair"), ("integration/engine", "unit/packages")),
+    "routeros": (
+        ("routeros",),
+        ("routeros", "plan", "pair"),
+        ENGINE,
+    ),
     "rules": (("declaration/rules",), ("declaration", "errors"), ()),
     "vpn": (("vpn",), ("vpn", "vpn-server"), ()),
     "checklist": (("checklist",), ("checklist", "probes", "reports"), ()),
@@ -44,7 +49,6 @@ PARTS = {
 """A part's packages, its parts in tests/parts.txt, and further folders of tests."""
 TESTS_S = 30.0
 """Processor seconds of tests that one mutant may cost, as recorded without it."""
-NOT_PATCHED = 77
 PLUGINS = ("hypothesis", "xdist", "execnet", "pytest", "testinfra")
 """pytest loads them by itself, and wants to be the first to do so."""
 
@@ -65,7 +69,7 @@ class Session:
             if isinstance(function, FunctionType) and function.__code__.co_filename.startswith(str(PACKAGE)):
                 functions[function.__code__].append(function)
         items = {item.nodeid: item for item in session.items}
-        if (job := fork([job for job in self._jobs if job.is_warm])) is None:
+        if (job := run_judged([job for job in self._jobs if job.is_warm])) is None:
             return True
         self.job = job
         if job.path is not None and not patch(job, functions):
@@ -75,6 +79,11 @@ class Session:
         temporary = session.config._tmp_path_factory  # noqa: SLF001
         temporary._given_basetemp, temporary._basetemp = Path(os.environ["TMPDIR"]) / "tests", None  # noqa: SLF001
         return None
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """Note each test in a child."""
+        if self.job is not None:
+            self.job.begin(nodeid)
 
 
 def patch(job: Job, functions: dict[CodeType, list[FunctionType]]) -> bool:
@@ -149,14 +158,18 @@ def plan(modules: list[Path], reach: dict[str, Any], drawn: list[tuple[int, int,
 
 
 class Selection:
-    """Leaves out the tests that do not concern a mutant."""
+    """Leaves out the tests that do not concern a mutant, and notes those that begin."""
 
-    def __init__(self, tests: list[str]) -> None:
-        self._tests = {*tests}
+    def __init__(self, job: Job) -> None:
+        self._job = job
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Keep all of them if none has kept its name."""
-        items[:] = [item for item in items if item.nodeid in self._tests] or items
+        items[:] = [item for item in items if item.nodeid in self._job.tests] or items
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """Note each test."""
+        self._job.begin(nodeid)
 
 
 def run(jobs: list[Job], report: Path) -> None:
@@ -167,17 +180,18 @@ def run(jobs: list[Job], report: Path) -> None:
             sorted({test.partition("::")[0] for job in jobs if job.is_warm for test in job.tests}), session
         )
         if session.job is None:
-            report.write_text(json.dumps([[job.status, job.cpu_s] for job in jobs]))
+            report.write_text(json.dumps([[job.status, job.cpu_s, job.verdict] for job in jobs]))
         end_child(code)
     if not report.exists():
         sys.exit(report.with_name("warm.log").read_text()[-3000:])
-    for job, (status, cpu_s) in zip(jobs, json.loads(report.read_text()), strict=True):
-        job.status, job.cpu_s, job.is_warm = status, cpu_s, job.is_warm and status != NOT_PATCHED
-    if (mine := fork([job for job in jobs if not job.is_warm])) is not None:
+    for job, (status, cpu_s, verdict) in zip(jobs, json.loads(report.read_text()), strict=True):
+        job.status, job.cpu_s, job.verdict = status, cpu_s, verdict
+        job.is_warm = job.is_warm and status != NOT_PATCHED
+    if (mine := run_judged([job for job in jobs if not job.is_warm])) is not None:
         if mine.path is not None:
             Importer([mine.path], lambda _, tree: next(itertools.islice(mutations(tree), mine.place, None)).apply())
         files = {test.partition("::")[0] for test in mine.tests}
-        end_child(run_pytest(["-x", *sorted(files)], Selection(mine.tests)))
+        end_child(run_pytest(["-x", *sorted(files)], Selection(mine)))
 
 
 def main(part: str = "", number: str = "60", seed: str = "1") -> int:
@@ -201,12 +215,7 @@ def main(part: str = "", number: str = "60", seed: str = "1") -> int:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     jobs = plan(modules, reach, sample(modules, int(number), int(seed)), folder)
-    probe = next(job for job in jobs if job.tests)
-    controls = [Job(probe.tests, folder / f"control-{warm}.log", is_warm=warm, reaching=1) for warm in (True, False)]
-    run([*controls, *(job for job in jobs if job.tests)], folder / "report.json")
-    if any(control.status for control in controls):
-        print(f"error: tests fail without any mutant: see {folder}/control-*.log", file=sys.stderr)
-        return 1
+    run([job for job in jobs if job.tests], folder / "report.json")
     return show(jobs)
 
 
@@ -219,7 +228,7 @@ def show(jobs: list[Job]) -> int:
             place = f"{job.path.relative_to(PACKAGE)}:{mutation.line}"
             print(f"{job.verdict:11}  {place:44} {mutation.kind:8} {change}  ({tests} tests, {job.cpu_s:.1f} s)")
     counts = Counter(job.verdict for job in jobs)
-    print(", ".join(f"{counts[verdict]} {verdict}" for verdict in ("killed", "SURVIVED", "not reached")))
+    print(", ".join(f"{counts[verdict]} {verdict}" for verdict in ("killed", "SURVIVED", "not judged", "not reached")))
     return 0
 
 

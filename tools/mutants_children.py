@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
     from mutations import Mutation
 
-WAIT_S = 180
-"""Seconds until a child that waits counts as killed."""
+WAITS = 4
+"""A child may take as many times its limit of processor time until it counts as hanging."""
+NOT_PATCHED = 77
 QUICK = "not slow and not campaign and not arm64"
 
 
@@ -39,13 +40,44 @@ class Job:
     limit_s: int = 0
     status: int = 0
     cpu_s: float = 0.0
+    wall_s: float = 0.0
+    verdict: str = "not reached"
 
     @property
-    def verdict(self) -> str:
-        """Return what the table says."""
-        if not self.reaching:
-            return "not reached"
-        return "killed" if self.status else "SURVIVED"
+    def begun(self) -> list[str]:
+        """Return the tests that the child has begun."""
+        file = self.log.with_suffix(".tests")
+        return file.read_text().splitlines() if file.exists() else []
+
+    def begin(self, test: str) -> None:
+        """Note a test in the child, before it runs."""
+        with self.log.with_suffix(".tests").open("a") as file:
+            file.write(f"{test}\n")
+
+    def judge(self, control: Job | None) -> None:
+        """A failure counts only if the same tests pass, within the same limits, without the change."""
+        hung = self.status == -signal.SIGKILL and control is not None and control.wall_s * 3 > WAITS * self.limit_s
+        is_sure = control is not None and control.status == 0 and not hung
+        self.verdict = "SURVIVED" if not self.status else "killed" if is_sure else "not judged"
+
+
+def run_judged(jobs: list[Job]) -> Job | None:
+    """Run mutants as `fork` does; then, for those that failed, the tests that they began, without the change."""
+    if (job := fork(jobs)) is not None:
+        return job
+    controls: dict[tuple[str, ...], Job] = {}
+    for job in jobs:
+        if job.status not in (0, NOT_PATCHED):
+            tests = tuple(job.begun or job.tests[:1])
+            log = job.log.with_stem(f"{job.log.stem}-control")
+            control = Job([*tests], log, is_warm=job.is_warm, limit_s=job.limit_s)
+            if tests not in controls or controls[tests].limit_s < job.limit_s:
+                controls[tests] = control
+    if (job := fork([*controls.values()])) is not None:
+        return job
+    for job in jobs:
+        job.judge(controls.get(tuple(job.begun or job.tests[:1])))
+    return None
 
 
 def fork(jobs: list[Job]) -> Job | None:
@@ -68,7 +100,8 @@ def fork(jobs: list[Job]) -> Job | None:
                 return job
             running[pid] = (job, time.monotonic())
         for pid, (job, begin) in [*running.items()]:
-            if (time.monotonic() - begin) > WAIT_S and job.limit_s:
+            job.wall_s = time.monotonic() - begin
+            if job.limit_s and job.wall_s > WAITS * job.limit_s:
                 os.killpg(pid, signal.SIGKILL)
             ended, status, usage = os.wait4(pid, os.WNOHANG)
             if ended:
@@ -82,7 +115,7 @@ def fork(jobs: list[Job]) -> Job | None:
 
 def run_pytest(words: list[str], plugin: object) -> int:
     """Run pytest in this process as `make quick` does, but for what it keeps."""
-    options = ["-q", "-p", "no:cacheprovider", "-o", "timeout=60", "--hypothesis-seed=0", "-m", QUICK]
+    options = ["-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", "-m", QUICK]
     return int(pytest.main([*options, *words], plugins=[plugin]))
 
 
