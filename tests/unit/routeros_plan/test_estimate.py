@@ -51,7 +51,10 @@ def test_a_run_that_changes_nothing_costs_handshakes_login_and_one_batch() -> No
     tally = module._CostTally()
     tally.log_in()
     shared = module.LOGIN_BYTES + module.RECORD_BYTES - (module.TAG_BYTES + module.RECORD_BYTES)
-    assert tally.up + tally.down == module.HANDSHAKE_BYTES + module.LOGIN_BYTES + module.TAG_BYTES + 2 * module.RECORD_BYTES
+    assert (
+        tally.up + tally.down
+        == module.HANDSHAKE_BYTES + module.LOGIN_BYTES + module.TAG_BYTES + 2 * module.RECORD_BYTES
+    )
     assert tally.down - tally.up + shared == pytest.approx(module.HANDSHAKE_BYTES / 3, abs=1)
 
 
