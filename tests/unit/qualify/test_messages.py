@@ -65,7 +65,7 @@ def test_what_a_reflector_did_not_recognise_is_not_read() -> None:
     net = network()
     stream = MessageStream("m", MessagePlan(10, 1, 1), ReflectorPeer(KEY), net, Recording().write)
     tlvs = (Tlv(CHUNK, b"?"), Tlv(CHUNK + 1, b"?", 0))
-    assert stream.accept(ReflectorPacket(*[0] * 9, tlvs), Arrival(b"", 0)) == 0
+    assert stream.accept(ReflectorPacket(0, 0, 0, 0, 0, 0, 0, 0, 0, tlvs), Arrival(b"", 0)) == 0
 
 
 @pytest.mark.parametrize("seed", range(3))
