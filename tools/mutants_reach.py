@@ -9,36 +9,16 @@ import os
 import sys
 from collections import defaultdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import pytest
-from mutants_children import Job, end_child, fork, run_pytest
+from mutants_children import Importer, Job, end_child, fork, run_pytest
 from mutations import bodies, statements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator
-    from importlib.machinery import ModuleSpec
+    from collections.abc import Generator
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
-class Importer:
-    """Compiles modules of the part from a tree that `change` has changed."""
-
-    def __init__(self, modules: list[Path], change: Callable[[int, ast.Module], object]) -> None:
-        self._modules = {str(path): number for number, path in enumerate(modules)}
-        self._change = change
-        sys.meta_path.insert(0, self)
-
-    def find_spec(self, name: str, path: object, target: object = None) -> ModuleSpec | None:
-        """Return the usual spec; its loader compiles what we have changed."""
-        finders: Any = [finder for finder in sys.meta_path if finder is not self]
-        spec: Any = next(filter(None, (finder.find_spec(name, path, target) for finder in finders)), None)
-        if spec is not None and (number := self._modules.get(spec.origin or "")) is not None:
-            tree = ast.parse(Path(spec.origin).read_bytes())
-            self._change(number, tree)
-            spec.loader.get_code = lambda _: compile(ast.fix_missing_locations(tree), spec.origin, "exec")
-        return cast("ModuleSpec | None", spec)
 
 
 class Recorder:
@@ -103,24 +83,20 @@ def record(modules: list[Path], folders: list[str], store: Path) -> dict[str, An
     base = digest([*modules, *(file for file in files if file.suffix == ".py" and not file.match("test_*.py"))])
     kept = json.loads(store.read_text()) if store.exists() else {}
     if kept.get("base") != base:
-        kept = {"base": base, "imported": [], "libraries": [], "files": {}}
+        kept = {"base": base, "imported": [], "files": {}}
     kept["files"] = {name: file for name, file in kept["files"].items() if tests.get(name) == file["digest"]}
     missing = [name for name in tests if name not in kept["files"]]
     halves = [Job(missing[number::2], log=store.with_name(f"{store.stem}-{number}.log")) for number in range(2)]
     if (job := fork([half for half in halves if half.tests])) is not None:
         recorder = Recorder(modules)
         run_pytest(job.tests, recorder)
-        libraries = [
-            name for name, module in [*sys.modules.items()] if "/site-packages/" in str(getattr(module, "__file__", ""))
-        ]
-        job.log.write_text("\n" + json.dumps([recorder.imported, libraries, recorder.tests]))
+        job.log.write_text("\n" + json.dumps([recorder.imported, recorder.tests]))
         end_child(0)
     for half in [half for half in halves if half.tests]:
-        imported, libraries, reached = json.loads(half.log.read_text().splitlines()[-1])
+        imported, reached = json.loads(half.log.read_text().splitlines()[-1])
         kept["imported"] = sorted({*kept["imported"], *imported})
-        kept["libraries"] = sorted({*kept["libraries"], *libraries})
         for name in half.tests:
-            tests_of_file = {test: found for test, found in reached.items() if test.partition("::")[0] == name}
+            tests_of_file = {test: row for test, row in reached.items() if test.partition("::")[0] == name}
             kept["files"][name] = {"digest": tests[name], "tests": tests_of_file}
     store.write_text(json.dumps(kept))
     return kept

@@ -19,7 +19,7 @@ at = pytest.fixture(fresh_quay)
 def plan(at: Quay, tmp_path: Path) -> Path:
     file = tmp_path / "coastal.plan"
     done = at.provision("site=coastal", "--plan", "--save", str(file), code=2)
-    assert f"next      provision apply {file}" in done.stdout
+    assert f"next      provision apply {file} inventory={at.inventory}\n" in done.stdout
     return file
 
 

@@ -172,7 +172,16 @@ def test_a_person_goes_through_it_and_signs(capsys: pytest.CaptureFixture[str]) 
     assert code == 0
     assert "0 of 2 items are settled, 2 are open." in said
     assert "Nothing is open. Sign it as it stands?\n  Type yes to go on (the whole word), or no: " in said
-    assert "Signed by N" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "Signed by N" in out
+    assert "Checklist of coastal" in said
+    assert "Checklist of coastal" not in out, "who has just read it needs its end alone"
+
+
+def test_after_a_signature_the_worst_item_is_named() -> None:
+    bad: list[Any] = [SimpleNamespace(id="worst"), SimpleNamespace(id="other"), SimpleNamespace(id="third")]
+    said = [_checklist_session._begin_anew(bad[:count]).partition(", then")[0] for count in (1, 2, 3)]
+    assert said == ["Mend worst", "Mend worst and 1 other", "Mend worst and 2 others"]
 
 
 @pytest.mark.usefixtures("ears")

@@ -14,9 +14,11 @@ from atlantis_netcfg.qualify.figures import train_figures
 from atlantis_netcfg.qualify.judgement import NoSuchProfile, judge, profile, profiles
 from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.qualify.path_mtu import path_mtu
+from atlantis_netcfg.qualify.reflector.stamp import CHUNK, ReflectorPacket, Tlv
 from atlantis_netcfg.qualify.search import RateLimit, SustainedRate, loss_of_chunks, sustained_rate
 from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
+from atlantis_netcfg.qualify.transport import Arrival
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28)
 DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)
@@ -43,6 +45,13 @@ def test_a_message_has_an_octet_and_a_packet_carries_some() -> None:
         MessagePlan(0, 1, 1)
     with pytest.raises(ValueError, match="packets of 140 octets carry nothing"):
         _sent(network(), MessagePlan(10, 1, 1, packet=140))
+
+
+def test_what_a_reflector_did_not_recognise_is_not_read() -> None:
+    net = network()
+    stream = MessageStream("m", MessagePlan(10, 1, 1), ReflectorPeer(KEY), net, Recording().write)
+    tlvs = (Tlv(CHUNK, b"?"), Tlv(CHUNK + 1, b"?", 0))
+    assert stream.accept(ReflectorPacket(0, 0, 0, 0, 0, 0, 0, 0, 0, tlvs), Arrival(b"", 0)) == 0
 
 
 @pytest.mark.parametrize("seed", range(3))

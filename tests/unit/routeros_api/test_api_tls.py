@@ -10,14 +10,28 @@ import pytest
 from scripted_device import Device, Peer, serving
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Endpoint, Session, Unreachable
-from atlantis_netcfg.routeros.api._tls import certificate_bytes, client_context, cut_off, keep_alive, may_cut_off
+from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Endpoint, Session, Traffic, Unreachable
+from atlantis_netcfg.routeros.api._tls import (
+    TlsTransport,
+    certificate_bytes,
+    client_context,
+    cut_off,
+    keep_alive,
+    may_cut_off,
+)
 
 OTHER = "ab" * 32
 
 
 async def hears_nothing(peer: Peer) -> None:
     assert await peer.gone() == b""
+
+
+def test_closing_before_there_is_a_connection_does_nothing() -> None:
+    async def use() -> None:
+        TlsTransport(asyncio.Protocol(), "device", Traffic()).close()
+
+    asyncio.run(use())
 
 
 def test_another_certificate_is_refused_before_the_login_is_sent(tmp_path: Path) -> None:

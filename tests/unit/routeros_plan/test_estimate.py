@@ -46,6 +46,11 @@ def test_a_run_that_changes_nothing_costs_handshakes_login_and_one_batch() -> No
     cost = estimate(NOTHING, IRIDIUM)
     assert cost.round_trips == 5
     assert 4.3 < cost.seconds < 5.5
+    tally = module._CostTally()
+    tally.log_in()
+    up, down = (tally.up - module.LOGIN_BYTES, tally.down - module.TAG_BYTES)
+    assert up + down == module.HANDSHAKE_BYTES + 2 * module.RECORD_BYTES
+    assert down - up == pytest.approx(module.HANDSHAKE_BYTES / 3, abs=1)
 
 
 def test_a_first_configuration_stays_within_its_round_trips() -> None:

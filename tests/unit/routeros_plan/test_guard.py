@@ -10,6 +10,7 @@ from atlantis_netcfg.routeros import guard
 from atlantis_netcfg.routeros._types import Observed
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.guard import ManagementPath
+from atlantis_netcfg.routeros.guard._state import State
 from atlantis_netcfg.routeros.planner import plan
 
 HERE = Path(__file__).parent
@@ -36,6 +37,10 @@ def test_case(case: dict[str, Any]) -> None:
     assert planned.actions
     assert list(guard.objections(planned, there, path)) == case.get("objections", [])
     assert guard.touches(planned, there, path) is case["touches"]
+
+
+def test_an_interface_that_is_not_there_stands_for_itself() -> None:
+    assert State(observed(DEVICE).rows, ManagementPath("10.64.101.10", "10.64.101.1")).ports("gone") == {"gone"}
 
 
 def test_there_are_cases_enough_and_none_twice() -> None:

@@ -12,7 +12,7 @@ from plan_world import facts
 
 from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row, Verb
 from atlantis_netcfg.routeros.desired import Desired, RowItem
-from atlantis_netcfg.routeros.planner import after, plan, simulate
+from atlantis_netcfg.routeros.planner import _firstmatch, after, plan, simulate
 
 FILTER = "/ip/firewall/filter"
 PACKETS = range(4)
@@ -201,6 +201,11 @@ def test_a_chain_that_changes_under_its_callers(
     callers: list[Rule], old: list[Rule], new: list[Rule], at: list[int]
 ) -> None:
     check_moments(with_chain(callers, old, at), with_chain(callers, new, at))
+
+
+def test_a_chain_is_inserted_where_its_jump_stands() -> None:
+    callers = [_firstmatch.Rule("input", target, stays=False) for target in (None, "x", None)]
+    assert _firstmatch.insertion([*callers, *[_firstmatch.Rule("x", None, stays=False)] * 2]) == [0, 1, 3, 4, 2]
 
 
 @given(mixed, mixed)

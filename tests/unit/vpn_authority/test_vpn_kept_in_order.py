@@ -13,7 +13,7 @@ from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import ledger_session
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, ClockBehind
 from atlantis_netcfg.vpn.identity import KeyType
-from atlantis_netcfg.vpn.ledger import LedgerDamaged
+from atlantis_netcfg.vpn.ledger import Ledger, LedgerDamaged, records
 
 NOW = datetime.now(UTC)
 
@@ -74,6 +74,19 @@ def test_an_older_list_is_not_taken_for_the_published_one(tmp_path: Path) -> Non
     facts = pki.check_crl(made.authority.crl(), made.ca.certificate, above=number, now=datetime.now(UTC))
     assert serial in facts.serials
     assert made.authority.check() == []
+
+
+@pytest.mark.parametrize("is_revoked", [True, False])
+def test_a_killed_command_counts_if_everybody_was_done(*, is_revoked: bool, tmp_path: Path) -> None:
+    made = stand(tmp_path)
+    made.issue("a")
+    done = [records.Revoked(common_name="iqua-a", reason="lost")] if is_revoked else []
+    with Ledger(made.folder / "ledger.jsonl") as ledger:
+        ledger.write([records.Begun(command="revoke", names=("iqua-a",)), *done], "me", "op", datetime.now(UTC))
+    with made.signing():
+        pass
+    end = records.Committed() if is_revoked else records.RolledBack(common_names=())
+    assert [entry.record for entry in made.authority.history() if entry.operation == "op"][-1] == end
 
 
 def test_a_certificate_outside_of_the_record_is_told(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from atlantis_netcfg.vpn.ledger import (
     read,
     records,
 )
-from atlantis_netcfg.vpn.ledger.file import GENESIS, digest, encode, parse
+from atlantis_netcfg.vpn.ledger.file import GENESIS, digest, encode, parse, utc_now
 
 NOW = datetime(2026, 11, 22, 7, 30, tzinfo=UTC)
 YEAR = NOW + timedelta(days=365)
@@ -95,6 +95,7 @@ def test_every_record_has_words_and_its_place_in_the_fold() -> None:
         assert entry.facts().items() >= {"line": number, "who": "me", "operation": "op", "kind": record.kind}.items()
         fold.apply(entry)
     assert fold.last == NOW
+    assert {utc_now().microsecond % 1000 for _ in range(9)} == {0}
 
 
 def test_words_of_records_do_not_hide_the_line_s_own() -> None:
@@ -232,6 +233,14 @@ def test_what_a_list_held_the_next_one_holds(tmp_path: Path) -> None:
     facts = listed(stand)
     assert facts.serials >= {serial, stand.identities[1].certificate.serial}
     assert facts.number > number
+
+
+def test_another_list_of_the_last_number_is_told(tmp_path: Path) -> None:
+    stand = authority_stand.stand(tmp_path)
+    number = listed(stand).number
+    said = {n: stand.authority.beyond(pki.new_crl(stand.ca, [], n, datetime.now(UTC), 9)) for n in (number - 1, number)}
+    assert said[number - 1] is None
+    assert "as the record's last one, and another one" in str(said[number])
 
 
 def test_what_only_the_list_knows_is_told(tmp_path: Path) -> None:

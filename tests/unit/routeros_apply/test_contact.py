@@ -1,0 +1,47 @@
+"""Sessions that cannot be opened, and answers that lack something."""
+
+from __future__ import annotations
+
+import asyncio
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from scripted import Scripted
+
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.routeros import verify
+from atlantis_netcfg.routeros.api import Endpoint, LoginRefused, Reply, Trap
+from atlantis_netcfg.routeros.apply._contact import Contact
+from atlantis_netcfg.routeros.apply._job import DeviceJob, Patience
+from atlantis_netcfg.routeros.apply._settle import _is_reachable
+from atlantis_netcfg.routeros.desired import read
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.core.events import Event
+
+
+def test_a_refused_login_ends_the_proof_of_the_way_in() -> None:
+    failures: list[Exception] = [DeviceFailed("away"), LoginRefused("no"), DeviceFailed("asked too often")]
+    events: list[Event] = []
+
+    async def connect(_: Endpoint) -> Any:  # noqa: ANN401 - it never returns
+        raise failures.pop(0)
+
+    endpoint = Endpoint("127.0.0.1", 1, "nobody", Secret("x"), None)
+    patience = Patience(first_poll_s=0)
+    job = DeviceJob("r", endpoint, read("", source="x"), events=events.append, patience=patience, connect=connect)
+    work: Any = SimpleNamespace(contact=Contact(job), job=job)
+    assert not asyncio.run(_is_reachable(work))
+    assert len(failures) == 1
+    assert [event.message for event in events] == ["proving the way in: waiting for an answer"]
+
+
+@pytest.mark.parametrize(("reply", "words"), [(Reply(), "no .id was answered"), (Reply(trap=Trap("no")), "no")])
+def test_a_row_without_an_id_proves_nothing(reply: Reply, words: str) -> None:
+    session: Any = Scripted(lambda _: reply)
+    verdict, reason = asyncio.run(verify._by_name(session))
+    assert verdict is Verdict.INCONCLUSIVE
+    assert words in reason
