@@ -1,16 +1,15 @@
 """Who else may answer at a device's address: one who only listens, and one who puts hostile text into every answer."""
 
-from __future__ import annotations
-
 import datetime as dt
 import hashlib
 import socket
 import ssl
 import threading
 import unicodedata
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes
@@ -21,11 +20,7 @@ from cryptography.x509.oid import NameOID
 from atlantis_netcfg.routeros.api._tls import client_context
 from atlantis_netcfg.routeros.api._wire import Decoder, encode
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
-    Answer = Callable[[tuple[str, ...]], tuple[str, ...]]
+Answer = Callable[[tuple[str, ...]], tuple[str, ...]]
 
 HOSTILE = "evil\x1b]0;owned\x07\x1b[2J\u202e\x9b31m\u2066\n\tevil\r\x7f\u200f\u2028evil"
 """A window's title, a cleared screen, text that runs backwards, C1, and line ends that would be lines of ours."""
