@@ -441,6 +441,8 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
             require_handled(hosts, only, arguments.command.name)
         else:
             hosts = chosen(declaration)
+        if not rehearse:
+            _warn_of_damage(hosts)
         with ExitStack() as stack:
             twins = None
             if rehearse:
@@ -458,6 +460,14 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         if not arguments.command.plays:
             raise
         raise Stopped(stop, changed) from stop
+
+
+def _warn_of_damage(hosts: Sequence[Host]) -> None:
+    """Name damaged journals on stderr: what a command takes from earlier runs may be missing."""
+    store = Store(paths.state_dir())
+    for site in sorted({host.site for host in hosts} & {*store.sites()}):
+        if damage := store.damage_since(site):
+            print(translate(f"warning: {damage}"), file=sys.stderr, flush=True)
 
 
 def _replay(arguments: Arguments, hosts: Sequence[Host]) -> Replay | None:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.journal import Confirmed, Run
+    from atlantis_netcfg.journal import Run, SavedState
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.upgrade import PreparedUpgrade, Upgraded
     from atlantis_netcfg.operations.verifying import VerifiedDevice, Verifying
@@ -379,7 +379,7 @@ def run_restore(arguments: Arguments) -> ExitCode:
     return opened.close(report)
 
 
-def _tell(opened: CommandSession, state: Confirmed) -> None:
+def _tell(opened: CommandSession, state: SavedState) -> None:
     """Say what is put where: after the first run on the replacement, `latest` is a state of its own."""
     if opened.as_json:
         return

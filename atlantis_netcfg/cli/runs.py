@@ -106,6 +106,7 @@ def _row(run: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
         "unfinished": unfinished,
         "command": started.command if started else "",
         "next": run.next_command if unfinished else None,
+        "damage": list(run.log.damage),
         "devices": {
             host: {
                 "status": outcome.status if (outcome := run.outcomes.get(host)) else "not reached",
@@ -121,7 +122,8 @@ def _row(run: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
 def _line(row: dict[str, Any]) -> str:
     end = f"UNFINISHED, go on: `{row['next']}`" if row["unfinished"] else f"exit {row['exit']}"
     devices = ", ".join(_device(name, outcome) for name, outcome in row["devices"].items())
-    return f"{row['run']}  {row['site']:<10} {end}  {devices}"
+    damage = f"  DAMAGED JOURNAL: {', '.join(row['damage'])}" if row["damage"] else ""
+    return f"{row['run']}  {row['site']:<10} {end}  {devices}{damage}"
 
 
 def _device(name: str, outcome: dict[str, Any]) -> str:

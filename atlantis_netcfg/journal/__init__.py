@@ -72,7 +72,7 @@ from atlantis_netcfg.journal.records import (
     Unrolled,
     Verified,
 )
-from atlantis_netcfg.journal.runs import Confirmed, Run
+from atlantis_netcfg.journal.runs import Run, SavedState
 from atlantis_netcfg.journal.store import KEPT, DeviceHistory, LockHolder, SiteLock, Store, unfinished
 from atlantis_netcfg.journal.usage import Counters, MonthBytes, Usage
 
@@ -82,7 +82,6 @@ __all__ = [
     "SETTLED",
     "ActionsAcknowledged",
     "ActionsConfirmed",
-    "Confirmed",
     "ContactStep",
     "ContactStepDone",
     "CostCounted",
@@ -117,6 +116,7 @@ __all__ = [
     "RunEnded",
     "RunResumed",
     "RunStarted",
+    "SavedState",
     "Signed",
     "SiteBusy",
     "SiteLock",

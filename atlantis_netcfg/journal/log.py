@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import re
 from dataclasses import Field, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -43,10 +45,15 @@ class LogEntry:
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """A journal as it was found; `damage` says which lines could not be read."""
+    """A journal as read from disk. A record of a damaged line is not among the entries."""
 
     entries: tuple[LogEntry, ...]
     damage: tuple[str, ...] = ()
+    """Each damaged line, with its device where that can still be read."""
+    torn: bool = False
+    """The last line has no end: the run was killed while it wrote it, or the file has lost its tail."""
+    checksum: bytes = b""
+    """Of the last line: the next one continues from it."""
 
     @property
     def records(self) -> tuple[Record, ...]:
@@ -54,31 +61,63 @@ class Log:
         return tuple(entry.record for entry in self.entries)
 
 
-def line(entry: LogEntry) -> bytes:
-    """The record as one line of the file."""
+def line(entry: LogEntry, previous: bytes = b"") -> bytes:
+    """Return the record as one line of the file; its checksum continues that of the `previous` line."""
     data = {"at": entry.at.isoformat(timespec="milliseconds"), **_RECORDS.dump_python(entry.record, mode="json")}
-    return json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode(errors="replace") + b"\n"
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode(errors="replace").removesuffix(b"}")
+    return b'%s,"sum":"%s"}\n' % (text, _checksum(previous, text))
+
+
+_BEGIN = b'{"at":"'
+_SUM = re.compile(rb',"sum":"([0-9a-f]{16})"}\n?\Z')
+_SUM_LENGTH = len(',"sum":"0123456789abcdef"}')
+_DEVICE = re.compile(rb'"device":"([^"\\]+)"')
+
+
+def _checksum(previous: bytes, text: bytes) -> bytes:
+    return hashlib.sha256(previous + text).hexdigest()[:16].encode()
+
+
+def _stored_checksum(text: bytes) -> bytes:
+    match = _SUM.search(text)
+    return match[1] if match else b""
 
 
 def read(path: Path) -> Log:
-    """Every record that can be read. A last line without its end was being written when the process was killed."""
-    lines, torn = split(path.read_bytes())
+    """Read a journal."""
+    return parse(path.read_bytes())
+
+
+def parse(data: bytes) -> Log:
+    """Return every record whose line is intact.
+
+    Lines of earlier versions have no checksum; after the first one that has, every line has one.
+    """
+    lines, torn = split(data)
     entries: list[LogEntry] = []
     damage: list[str] = []
+    previous, has_checksums = {b""}, False
     for number, text in enumerate(lines, start=1):
-        entry = _entry(text)
+        stored = _stored_checksum(text)
+        has_checksums = has_checksums or bool(stored)
+        computed = {_checksum(each, text[:-_SUM_LENGTH] if has_checksums else text) for each in previous}
+        is_intact = stored in computed or not has_checksums
+        entry = _entry(text) if is_intact else None
         if entry is None:
-            damage.append(f"line {number} cannot be read")
+            device = _DEVICE.search(text)
+            host = f" ({device[1].decode(errors='replace')})" if device else ""
+            damage.append(f"line {number}{host} is damaged")
         else:
             entries.append(entry)
-    if torn:
-        damage.append(f"line {len(lines) + 1} is torn: the run was killed while it wrote it")
-    return Log(tuple(entries), tuple(damage))
+        # Of a damaged line either the text or the checksum may be what was written.
+        previous = computed if is_intact else {*computed, stored}
+    return Log(tuple(entries), tuple(damage), bool(torn), next(iter(previous)))
 
 
 def _entry(text: bytes) -> LogEntry | None:
     try:
         data: dict[str, Any] = json.loads(text)
+        data.pop("sum", None)
         at = datetime.fromisoformat(data.pop("at"))
         return LogEntry(at, _RECORDS.validate_python(data))
     except (ValueError, ValidationError, KeyError, TypeError, AttributeError):
@@ -196,7 +235,7 @@ class Journal(EventLog):
         self.directory = directory
         self._now = now
         super().__init__(path := directory / FILE, partial(unwritable, "the journal", path))
-        self.end_torn_line()
+        self._checksum = self._last_checksum()
 
     @property
     def run(self) -> str:
@@ -205,19 +244,29 @@ class Journal(EventLog):
 
     def write(self, record: Record) -> None:
         """Put a record on disk. Raises JournalFailed, and from then on always."""
-        self.append(line(LogEntry(self._now(), record)))
+        data = line(LogEntry(self._now(), record), self._checksum)
+        self.append(data)
+        self._checksum = _stored_checksum(data)
         self._require_present("the journal")
 
     def save(self, device: str, text: str) -> None:
         """Put a device's state before the first change on disk, and record it; an earlier one is kept beside it."""
         self._require_present("the state before the run")
         data = text.encode()
-        path = self._free(component(device), data)
+        first = self.directory / "before" / f"{component(device)}.rsc"
+        if first.exists() and not any(
+            isinstance(record, StateSaved) and record.device == device for record in parse(self._content()).records
+        ):
+            self._record_state(device, first, first.read_bytes())  # its record was lost, or its run was killed
+        path = self._free(device, data)
         try:
             _put("the state before the run", path, data)
         except JournalFailed as failure:
             self.failure = failure
             raise
+        self._record_state(device, path, data)
+
+    def _record_state(self, device: str, path: Path, data: bytes) -> None:
         file = str(path.relative_to(self.directory))
         self.write(StateSaved(device=device, file=file, sha256=hashlib.sha256(data).hexdigest()))
 
@@ -234,6 +283,19 @@ class Journal(EventLog):
         if not path.exists() or path.read_bytes() != data:
             _put("the confirmed state", path, data)
         self.write(StateConfirmed(device=device, file=str(path.relative_to(site)), sha256=digest))
+
+    def _last_checksum(self) -> bytes:
+        """Return what the next line continues from. What a killed process left of a line is removed."""
+        data = self._content()
+        torn = split(data)[1]
+        if torn and torn[: len(_BEGIN)] == _BEGIN[: len(torn)] and b"\0" not in torn:
+            self.cut(len(data) - len(torn))
+        else:  # what is not our writing stays, and is reported as damage
+            self.end_torn_line()
+        return parse(self._content()).checksum
+
+    def _content(self) -> bytes:
+        return os.pread(self._descriptor, os.fstat(self._descriptor).st_size, 0)
 
     def _require_present(self, what: str) -> None:
         """See that the open file is still the one that its name leads to. Raises JournalFailed, and then always."""

@@ -39,8 +39,8 @@ _TOUCHING = (Signed, Protected, LayerSent, Releasing)
 
 
 @dataclass(frozen=True, slots=True)
-class Confirmed:
-    """The state of one device as a run has read it back; `text` is export text without secrets."""
+class SavedState:
+    """The state of one device before a run, or as the run has read it back; `text` is export text without secrets."""
 
     run: str
     at: datetime
@@ -59,7 +59,7 @@ class Confirmed:
 
     def _damaged(self, why: str) -> StateDamaged:
         return StateDamaged(
-            f"the state that run {self.run} confirmed cannot be used: {why} ({self.path})",
+            f"the state that run {self.run} has kept cannot be used: {why} ({self.path})",
             hint="take the state of another run: `provision runs` lists them",
         )
 
@@ -169,18 +169,30 @@ class Run:
         """Whether this sign on the device is of this run."""
         return any(isinstance(record, Signed) and record.sign == sign for record in self._of(device))
 
-    def before(self, device: str) -> Path | None:
+    def before(self, device: str) -> SavedState | None:
         """The device's state before the run's first change, if the run came that far."""
-        saved = next((record for record in self._of(device) if isinstance(record, StateSaved)), None)
-        return None if saved is None else self.directory / saved.file
+        for entry in self.log.entries:
+            record = entry.record
+            if isinstance(record, StateSaved) and record.device == device:
+                return SavedState(self.id, entry.at, self.directory / record.file, record.sha256)
+        return None
 
-    def confirmed_state(self, device: str) -> Confirmed | None:
+    @property
+    def damage(self) -> str:
+        """What is damaged in its journal, for a person; empty if nothing is."""
+        return f"the journal of run {self.id} is damaged: {', '.join(self.log.damage)}" if self.log.damage else ""
+
+    def damage_error(self, hint: str) -> StateDamaged:
+        """The error for who needs what may be lost."""
+        return StateDamaged(f"the journal of run {self.id} is damaged: {', '.join(self.log.damage)}", hint=hint)
+
+    def confirmed_state(self, device: str) -> SavedState | None:
         """The device's state as it was read back at the end of the run; None if the run did not come to that."""
         for entry in reversed(self.log.entries):
             record = entry.record
             if isinstance(record, StateConfirmed) and record.device == device:
                 site = self.directory.parent.parent
-                return Confirmed(self.id, entry.at, site / record.file, record.sha256)
+                return SavedState(self.id, entry.at, site / record.file, record.sha256)
         return None
 
     @property

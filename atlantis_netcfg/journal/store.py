@@ -27,7 +27,7 @@ from atlantis_netcfg.journal.files import (
 )
 from atlantis_netcfg.journal.log import Journal, utc_now
 from atlantis_netcfg.journal.pins import Pins
-from atlantis_netcfg.journal.runs import Confirmed, Run
+from atlantis_netcfg.journal.runs import Run, SavedState
 from atlantis_netcfg.journal.usage import Usage
 
 if TYPE_CHECKING:
@@ -264,10 +264,10 @@ class Store:
         """The names of the runs that were put aside, oldest first: nothing but a person needs them."""
         return tuple(_listed(self._site(site) / _ARCHIVE))
 
-    def last_confirmed(self, site: str, devices: Iterable[str]) -> dict[str, Confirmed]:
+    def last_confirmed(self, site: str, devices: Iterable[str]) -> dict[str, SavedState]:
         """The latest confirmed state of each of these devices that has one; no journal is read in vain."""
         missing = set(devices)
-        found: dict[str, Confirmed] = {}
+        found: dict[str, SavedState] = {}
         for name in reversed(self._names(site)):
             if not missing:
                 break
@@ -276,6 +276,11 @@ class Store:
             found |= {device: state for device, state in states.items() if state is not None}
             missing -= found.keys()
         return found
+
+    def damage_since(self, site: str, since: str = "") -> str:
+        """What is damaged in the journals of the latest runs, from the run `since` on; empty if nothing is."""
+        runs = (self._load(site, name) for name in self._names(site) if run_order(name) >= run_order(since))
+        return "; ".join(run.damage for run in runs if run.damage)
 
     def unfinished(self, site: str) -> tuple[Run, ...]:
         """Runs that were killed, or left a device unknown, and that no later run has settled; oldest first."""

@@ -96,7 +96,7 @@ def _desired(host: Host, text: str, request: Request, ways: Sequence[BearerRoute
     saved = saved_run(request.state, host.site, request.back_to, rehearsed=request.rehearsed).before(host.name)
     if saved is None:
         raise NothingMatched(f"run {request.back_to} has saved no state of {host.name}")
-    export = from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
+    export = from_export(saved.text(), declared.menus, source=str(saved.path))
     before = without_use(export, declared)
     return for_any_box(before) if request.rehearsed else before
 

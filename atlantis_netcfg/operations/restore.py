@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched, nearest
-from atlantis_netcfg.journal import Confirmed, NoSuchRun, Store
+from atlantis_netcfg.journal import NoSuchRun, SavedState, StateDamaged, Store
 from atlantis_netcfg.routeros import _items, snapshot
 from atlantis_netcfg.routeros.menus import MENUS
 
@@ -81,7 +81,7 @@ LATEST = "latest"
 _SHOWN = 5
 
 
-def confirmed_state(state: Path, host: Host, run: str, *, rehearsed: bool = False) -> Confirmed:
+def confirmed_state(state: Path, host: Host, run: str, *, rehearsed: bool = False) -> SavedState:
     """Find what a run has read back of a device. Raises NothingMatched naming the runs that have.
 
     A rehearsal takes real states, and where there are none those of earlier rehearsals; a real run only real ones.
@@ -104,16 +104,21 @@ def confirmed_state(state: Path, host: Host, run: str, *, rehearsed: bool = Fals
             f"run {run} has confirmed no state of {host.name}",
             hint=f"did you mean `to={near}`? {listed}" if near else listed,
         )
+    if run == LATEST and (damage := store.damage_since(host.site, found.run)):
+        raise StateDamaged(
+            f"{damage}; a later state of {host.name} may be lost",
+            hint=f"to take the last one that can be read, type `to={found.run}`",
+        )
     return found
 
 
-def restored(confirmed: Confirmed, declared: Desired) -> Desired:
+def restored(confirmed: SavedState, declared: Desired) -> Desired:
     """Read a confirmed state as what a replacement shall be. Raises StateDamaged, RscError."""
     saved = snapshot.read(confirmed.text(), f"the state that run {confirmed.run} confirmed")
     return for_replacement(saved, declared)
 
 
-def _state_of(store: Store, host: Host, run: str) -> Confirmed | None:
+def _state_of(store: Store, host: Host, run: str) -> SavedState | None:
     with suppress(NoSuchRun):
         return store.run(host.site, run).confirmed_state(host.name)
     return None

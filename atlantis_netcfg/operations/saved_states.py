@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.journal import NoSuchRun, Store
+from atlantis_netcfg.journal import NoSuchRun, StateDamaged, Store
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.restore import LATEST
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Host
-    from atlantis_netcfg.journal import Confirmed, Run
+    from atlantis_netcfg.journal import Run, SavedState
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +66,33 @@ def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, r
         return _named(places, site, name)
     devices = tuple(hosts)
     for store in places:
-        newest = (run for run in reversed(store.runs(site)) if run.started is not None and run.started.back_to is None)
-        found = next((run for run in newest if any(run.before(device) is not None for device in devices)), None)
-        if found is not None:
-            return found
+        for run in reversed(store.runs(site)):
+            if run.started is not None and run.started.back_to is not None:
+                continue
+            if run.damage or any(run.before(device) is not None for device in devices):
+                return run
     raise NothingMatched(f"no run of {site} has saved a state of {', '.join(devices)}", hint=_LISTED)
+
+
+def hosts_to_restore(run: Run, hosts: Sequence[Host], *, named: bool) -> tuple[Host, ...]:
+    """Return the hosts whose state before a run is put back; `named`: a person has chosen them one by one.
+
+    Raises StateDamaged if the journal does not tell what became of one of the others; then a person names those that
+    are put back. Raises NothingMatched when none is left.
+    """
+    saved = tuple(host for host in hosts if run.before(host.name) is not None)
+    known = run.started.hosts if run.started is not None else [host.name for host in hosts]
+    untold = {*known} - {host.name for host in saved} - run.settled
+    unknown = [host.name for host in hosts if host.name in untold]
+    rest = ",".join(host.name for host in saved)
+    hint = "take another run: `provision runs` lists them"
+    if rest:
+        hint = f"put back only what was saved: `provision rollback site={hosts[0].site} to={run.id} only={rest}`"
+    if run.damage and not (named and saved):
+        raise run.damage_error(hint)
+    if unknown:
+        raise StateDamaged(f"the journal of run {run.id} does not say what became of {', '.join(unknown)}", hint=hint)
+    return hosts_of_run(hosts, [host.name for host in saved])
 
 
 def _named(places: Sequence[Store], site: str, name: str) -> Run:
@@ -129,13 +151,13 @@ def _before_resuming(state: Path, host: Host, broken: Run) -> StartState:
     )
 
 
-def _last_confirmed(state: Path, host: Host, run: Run) -> Confirmed | None:
+def _last_confirmed(state: Path, host: Host, run: Run) -> SavedState | None:
     """What was read back last by runs of the same kind: what an emulated device was stands for no real one."""
     rehearsed = run.started is not None and run.started.rehearsed
     return Store(state, rehearsed=rehearsed).last_confirmed(host.site, (host.name,)).get(host.name)
 
 
-def _read_back(host: Host, last: Confirmed) -> StartState:
+def _read_back(host: Host, last: SavedState) -> StartState:
     return StartState(
         host.name,
         f"first brought to what run {last.run} read back at {last.at:%Y-%m-%d %H:%M} UTC",

@@ -15,7 +15,6 @@ from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.worker import run_until_settled
 from atlantis_netcfg.journal import (
-    Confirmed,
     Journal,
     JournalFailed,
     NoJournal,
@@ -25,6 +24,7 @@ from atlantis_netcfg.journal import (
     RunEnded,
     RunResumed,
     RunStarted,
+    SavedState,
     Store,
     conclude,
     unrecorded,
@@ -88,7 +88,7 @@ class SiteRun:
         self.journal: Recorder = NoJournal()
         self.run = ""
         """The run's name, as `provision runs` lists it; empty before the site's turn, and for a plan."""
-        self.confirmed: Mapping[str, Confirmed] = {}
+        self.confirmed: Mapping[str, SavedState] = {}
 
     def begin(self) -> None:
         """Lock the site and open its journal, unless that is done. Raises SiteBusy, JournalFailed."""

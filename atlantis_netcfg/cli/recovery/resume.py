@@ -121,7 +121,10 @@ def _broken(state: Path, site: str, name: str | None, *, rehearsed: bool = False
     from atlantis_netcfg.operations.saved_states import saved_run, stores
 
     if name is not None:
-        return saved_run(state, site, name, rehearsed=rehearsed)
+        named = saved_run(state, site, name, rehearsed=rehearsed)
+        if named.started is None and named.damage:
+            raise named.damage_error("the run cannot be resumed: type its command again")
+        return named
     unfinished = next((runs for store in stores(state, rehearsed=rehearsed) if (runs := store.unfinished(site))), ())
     if not unfinished:
         raise NothingMatched(f"no run of {site} is unfinished", hint="`provision runs` lists all of them")

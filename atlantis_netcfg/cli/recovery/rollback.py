@@ -92,15 +92,16 @@ def _chosen(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.declaration import choose
     from atlantis_netcfg.operations.kinds import handled
-    from atlantis_netcfg.operations.saved_states import hosts_of_run, saved_run
+    from atlantis_netcfg.operations.saved_states import hosts_to_restore, saved_run
 
     site = arguments.word("site")
     only = arguments.many("only")
     named = choose(declaration, site, only)
     require_handled(named, only, arguments.command.name)
-    names = [host.name for host in named if handled(host)]
+    hosts = tuple(host for host in named if handled(host))
+    names = [host.name for host in hosts]
     run = saved_run(paths.state_dir(), site, arguments.word("to"), names, rehearsed=arguments.flag("rehearse"))
-    return run, hosts_of_run(named, [name for name in names if run.before(name) is not None])
+    return run, hosts_to_restore(run, hosts, named=bool(only))
 
 
 def _tell(opened: CommandSession, run: Run) -> None:
@@ -114,6 +115,10 @@ def _tell(opened: CommandSession, run: Run) -> None:
         print(f"  {started.command}", flush=True)
     if started is not None and started.rehearsed:
         print(f"  {translate('this was a rehearsal, on emulated devices')}", flush=True)
+    for host, outcome in run.outcomes.items():
+        if run.before(host) is None:
+            left = translate(f"{host} is left as it is: the run saved no state of it")
+            print(f"  {left} ({outcome.status})", flush=True)
 
 
 def _real(opened: CommandSession) -> RunReport:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Subscriber, ignore
-from atlantis_netcfg.journal import Confirmed, NoJournal, Recorder
+from atlantis_netcfg.journal import NoJournal, Recorder, SavedState
 from atlantis_netcfg.routeros.api import Endpoint, Session, Traffic
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ class DeviceJob:
     journal: Recorder = field(default_factory=NoJournal)
     agreed: str | None = None
     """Hash of the plan that a person has agreed to: another one is not applied."""
-    confirmed: Confirmed | None = None
+    confirmed: SavedState | None = None
     """The state that a run has read back last, to say since when something differs."""
     patience: Patience = Patience()
     connect: Connect = Session.open

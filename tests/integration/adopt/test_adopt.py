@@ -52,7 +52,7 @@ def test_a_box_becomes_an_adopted_router(box: Carton) -> None:
     assert [one.status for one in run.log.records if isinstance(one, Outcome)] == ["changed"]
     saved = run.before(ROUTER)
     assert saved is not None
-    assert "defconf" in saved.read_text()
+    assert "defconf" in saved.text()
 
 
 def test_the_second_run_changes_nothing(box: Carton) -> None:
@@ -125,7 +125,7 @@ def test_somebodys_router_is_taken_over_when_told_so(tmp_path: Path) -> None:
         (run,) = Store(box.state, rehearsed=True).runs("scc")
         saved = run.before(ROUTER)
         assert saved is not None
-        assert "name=boat" in saved.read_text()
+        assert "name=boat" in saved.text()
         assert box.adopt().status == "unchanged"
 
 

@@ -139,8 +139,8 @@ def test_the_state_before_is_what_the_device_exports(tmp_path: Path) -> None:
     before = on(bench, act)
     saved = bench.store.runs("coastal")[0].before("router")
     assert saved is not None
-    assert without_header(saved.read_text()) == without_header(before)
-    assert saved.stat().st_mode & 0o777 == 0o600
+    assert without_header(saved.text()) == without_header(before)
+    assert saved.path.stat().st_mode & 0o777 == 0o600
 
 
 def test_a_saved_state_is_gone_back_to(tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_a_saved_state_is_gone_back_to(tmp_path: Path) -> None:
         saved = bench.store.runs("coastal")[0].before("router")
         assert saved is not None
         menus = desired.read(bench.text).menus
-        back = desired.from_export(saved.read_text(), menus, str(saved))
+        back = desired.from_export(saved.text(), menus, str(saved.path))
         return before, await bench.converge(JobMode.ROLLBACK, desired=back), bench.export()
 
     before, result, now = on(bench, act)
@@ -172,7 +172,7 @@ def test_a_backup_is_saved_and_nothing_is_changed(tmp_path: Path) -> None:
     assert "secrets and users are not in" in result.message
     saved = bench.store.runs("coastal")[0].before("router")
     assert saved is not None
-    assert without_header(saved.read_text()) == before == now
+    assert without_header(saved.text()) == before == now
 
 
 @pytest.mark.parametrize("execute", [Execute.TRAP, Execute.NONE])

@@ -77,6 +77,23 @@ def test_a_run_before_which_nothing_was_saved(at: Quay) -> None:
     assert run in follow(at, listing)
 
 
+def test_a_damaged_journal_is_named_and_what_was_saved_is_put_back(at: Quay) -> None:
+    before = at.export()
+    at.configure()
+    (row,) = at.runs()
+    journal = at.state / "real/coastal/runs" / row["run"] / "journal.jsonl"
+    whole = journal.read_bytes()
+    back = ("rollback", "site=coastal", "to=latest", "--yes")
+    journal.write_bytes(whole.replace(b'"kind":"state-saved"', b'"kind":"state-sawed"'))
+    (listing,) = advised(at.provision(*back, code=4).stderr)
+    assert f"DAMAGED JOURNAL: line 6 ({ROUTER}) is damaged" in follow(at, listing)
+    assert f"line 6 ({ROUTER}) is damaged" in at.provision("site=coastal", "--plan", code=0).stderr
+    journal.write_bytes(whole.replace(b'"kind":"outcome"', b'"kind":"outcame"'))
+    named = ("rollback", "site=coastal", f"to={row['run']}", f"only={ROUTER}", "--yes")
+    assert f"({ROUTER}) is damaged" in at.provision(*named, code=0).stderr
+    assert at.export().splitlines() == before.splitlines()
+
+
 def test_a_link_that_is_lost_before_the_first_change(at: Quay) -> None:
     at.do("arm", fault={"do": "drop", "match": "/safe-mode/take", "when": "after"})
     told = at.json(*RUN, code=4)["devices"][ROUTER]

@@ -102,7 +102,7 @@ def test_a_run_that_is_put_aside_is_still_there_by_its_name(store: Store) -> Non
     saved, state = run.before("router"), run.confirmed_state("router")
     assert saved is not None
     assert state is not None
-    assert (saved.read_text(), state.text()) == ("# before\n", f"# {first}\n")
+    assert (saved.text(), state.text()) == ("# before\n", f"# {first}\n")
 
 
 def test_what_is_needed_stays(store: Store) -> None:

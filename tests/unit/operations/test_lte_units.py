@@ -131,7 +131,7 @@ def test_the_journal_tells_what_was_about_to_be_set(deck: Deck) -> None:
     assert (run.exit, run.confirmed(NAME), run.settled) == (0, (1, 2, 3), frozenset({NAME}))
     before = run.before(NAME)
     assert before is not None
-    assert "network.mob1s1a1.auto_apn='1'" in before.read_text(encoding="utf-8")
+    assert "network.mob1s1a1.auto_apn='1'" in before.text()
 
 
 def test_a_plan_changes_nothing_and_only_what_was_agreed_to_is_set(deck: Deck) -> None:
