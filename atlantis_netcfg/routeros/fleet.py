@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Status, converge
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Status, converge, stopped_before_turn
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 
 AT_ONCE = 32
@@ -91,7 +91,7 @@ async def _all(
     for (job, output), task in zip(turns, tasks, strict=True):
         if task.cancelled():
             for name in _names(job):
-                output(_untouched(name))
+                output(stopped_before_turn(name))
         else:
             task.result()
 
@@ -168,8 +168,3 @@ async def _finish(tasks: list[asyncio.Task[None]]) -> None:
         for task in tasks:
             task.cancel()
         await asyncio.wait(tasks)
-
-
-def _untouched(name: str) -> DeviceResult:
-    status = Status.LEFT_AS_FOUND
-    return DeviceResult(name, status, status.exit, "stopped by hand before its turn came: nothing was changed")

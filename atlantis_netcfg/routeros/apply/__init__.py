@@ -21,6 +21,7 @@ from atlantis_netcfg.routeros.apply._job import (
     SshEndpoint,
     StateVariants,
     Status,
+    stopped_before_turn,
 )
 
 __all__ = [
@@ -38,4 +39,5 @@ __all__ = [
     "StateVariants",
     "Status",
     "converge",
+    "stopped_before_turn",
 ]

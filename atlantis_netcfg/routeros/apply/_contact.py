@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Event, Stage
@@ -14,12 +14,29 @@ from atlantis_netcfg.routeros.safe_mode import Holder, SafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import jobs_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Coroutine, Iterator
 
     from atlantis_netcfg.routeros.api._values import Channel
 
 
 _GROWTH = 1.5
+_T = TypeVar("_T")
+
+
+async def completed_despite_stop(work: Coroutine[Any, Any, _T]) -> tuple[_T, bool]:
+    """Await the end of a run, which has a result already; return it, and whether a stop came meanwhile.
+
+    A second stop ends it.
+    """
+    task = asyncio.ensure_future(work)
+    try:
+        return await asyncio.shield(task), False
+    except asyncio.CancelledError:
+        if task.cancelled():
+            raise
+        if (current := asyncio.current_task()) is not None:
+            current.uncancel()
+        return await task, True
 
 
 class Contact:

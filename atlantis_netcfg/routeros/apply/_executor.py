@@ -16,7 +16,7 @@ from atlantis_netcfg.journal import DeviceObserved, Planned
 from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply._change import change, missing, safe_mode_first
-from atlantis_netcfg.routeros.apply._contact import Contact, fitted
+from atlantis_netcfg.routeros.apply._contact import Contact, completed_despite_stop, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, JobMode, Status, Unfit
 from atlantis_netcfg.routeros.apply._protection import (
@@ -137,11 +137,24 @@ async def converge(job: DeviceJob, *, mode: JobMode = JobMode.APPLY) -> DeviceRe
     work = RunContext(replace(job, ssh=ssh), contact, asyncio.get_running_loop().time())
     try:
         result = await _run_guarded(work, mode)
+    except BaseException:
+        await _close(work)
+        raise
+    result, is_stopped = await completed_despite_stop(_end(work, result))
+    return replace(result, stopped=True) if is_stopped else result
+
+
+async def _end(work: RunContext, result: DeviceResult) -> DeviceResult:
+    try:
         await _remove_run_marker(work, result)
         return work.ended(result)
     finally:
-        await work.safe_mode.drop()
-        await work.contact.close(wait=work.holding)
+        await _close(work)
+
+
+async def _close(work: RunContext) -> None:
+    await work.safe_mode.drop()
+    await work.contact.close(wait=work.holding)
 
 
 async def _remove_run_marker(work: RunContext, result: DeviceResult) -> None:
@@ -171,7 +184,7 @@ async def _run_guarded(work: RunContext, mode: JobMode) -> DeviceResult:
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return await settle(work, Interrupted("stopped by hand"))
+        return replace(await settle(work, Interrupted("stopped by hand")), stopped=True)
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, the device must not stay between two states
         result = await settle(work, DeviceFailed(f"provision itself failed ({type(fault).__name__})"))
         exit_ = ExitCode.UNKNOWN if result.status is Status.UNKNOWN else ExitCode.OUR_FAULT

@@ -240,6 +240,8 @@ class DeviceResult:
     """Whether a session with it came about, or nobody tried."""
     left_open: bool = False
     """The device may still hold safe mode or a job of this run, though nothing was changed."""
+    stopped: bool = field(default=False, compare=False)
+    """A person stopped the run before it was over: what would come after this device does not begin."""
     fault: BaseException | None = field(default=None, compare=False)
     """A fault of ours, for the log file."""
 
@@ -304,6 +306,12 @@ class CostPolicy(Protocol):
 
         Where it spends nothing more there is nothing to refuse.
         """
+
+
+def stopped_before_turn(name: str) -> DeviceResult:
+    """Return the result of a device on which a stopped run had not begun."""
+    status = Status.LEFT_AS_FOUND
+    return DeviceResult(name, status, status.exit, "stopped by hand before its turn came: nothing was changed")
 
 
 _MENUS = ("/interface/wireless", "/interface/wifi")

@@ -14,8 +14,8 @@ from dataclasses import replace
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros.api import Traffic
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Status, converge
-from atlantis_netcfg.routeros.apply._contact import Contact
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Status, converge, stopped_before_turn
+from atlantis_netcfg.routeros.apply._contact import Contact, completed_despite_stop
 from atlantis_netcfg.routeros.pair._back import back, clear, read_again, returned
 from atlantis_netcfg.routeros.pair._end import End, Pair
 from atlantis_netcfg.routeros.pair._radio import disagreements
@@ -53,6 +53,7 @@ async def _back(work: Transaction, why: str) -> DeviceResult:
 
 Results = tuple["DeviceResult", "DeviceResult"]
 
+_STOPPED = "stopped by hand"
 _CONNECT_S = 15.0
 """For one attempt: the link comes and goes while we wait for it, so ask often."""
 
@@ -92,14 +93,44 @@ async def _converged(pair: Pair, mode: JobMode) -> Results:
     )
     work = Transaction(pair, near, far)
     try:
-        results = await _run(work, mode)
-        if results is not None:
-            return (near.ended(results[0]), far.ended(results[1]))
-    finally:
-        await work.forget_answer()
-        for end in (near, far):
-            await end.contact.close()
+        results = await _stoppable(work, mode)
+    except BaseException:
+        await _close(work)
+        raise
+    results, is_stopped = await completed_despite_stop(_end(work, results))
+    if results is not None:
+        return results
+    if is_stopped:
+        return stopped_before_turn(near.name), stopped_before_turn(far.name)
     return await _one_by_one(pair, mode, work)
+
+
+async def _end(work: Transaction, results: Results | None) -> Results | None:
+    try:
+        return None if results is None else (work.near.ended(results[0]), work.far.ended(results[1]))
+    finally:
+        await _close(work)
+
+
+async def _close(work: Transaction) -> None:
+    await work.forget_answer()
+    for end in (work.near, work.far):
+        await end.contact.close()
+
+
+async def _stoppable(work: Transaction, mode: JobMode) -> Results | None:
+    """Run the pair as one; stopped before both ends were read, nothing was changed."""
+    try:
+        return await _run(work, mode)
+    except asyncio.CancelledError:
+        if (task := asyncio.current_task()) is not None:
+            task.uncancel()
+        if all(end.before is not None for end in work.ends):
+            return await back(work, DeviceFailed(_STOPPED))
+        near, far = (
+            end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {_STOPPED}") for end in (work.near, work.far)
+        )
+        return near, far
 
 
 def _patient(job: DeviceJob) -> DeviceJob:
@@ -113,7 +144,7 @@ async def _one_by_one(pair: Pair, mode: JobMode, work: Transaction | None = None
         near = await converge(pair.near, mode=mode)
         return replace(near, notes=(*near.notes, _end_by_end(pair))), work.far.ended(work.unseen)
     far = await converge(pair.far, mode=mode)
-    near = await converge(pair.near, mode=mode)
+    near = stopped_before_turn(pair.near.name) if far.stopped else await converge(pair.near, mode=mode)
     if work is not None:
         near, far = (_noted(work, end, each) for end, each in ((work.near, near), (work.far, far)))
     return near, far
@@ -234,7 +265,7 @@ async def _honestly(work: Transaction) -> Results:
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return await back(work, DeviceFailed("stopped by hand"))
+        return await back(work, DeviceFailed(_STOPPED))
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, no end must stay between two states
         near, far = await back(work, DeviceFailed(f"provision itself failed ({type(fault).__name__})"))
         return _ours(near, fault), _ours(far, fault)
