@@ -11,7 +11,6 @@ The checklists that are kept on this computer, for the commands that tell of the
 
 from __future__ import annotations
 
-import json
 import shlex
 import sys
 from contextlib import contextmanager, nullcontext
@@ -39,7 +38,7 @@ from atlantis_netcfg.cli._checklist_workflow import (
     shown,
 )
 from atlantis_netcfg.cli._consent import shown_word
-from atlantis_netcfg.cli._output import progress, tell
+from atlantis_netcfg.cli._output import json_text, progress, tell
 from atlantis_netcfg.cli._session import CommandSession, session
 from atlantis_netcfg.core import paths, printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
@@ -280,7 +279,7 @@ def close(
         _draft(book, document)
     if arguments.flag("json"):
         result = [{"message": str(error), "hint": error.hint} for error in errors]
-        print(json.dumps({**as_json(document), "errors": result}, ensure_ascii=False))
+        print(json_text({**as_json(document), "errors": result}))
     else:
         last = [*_next(arguments, document), *pages_in(book.folder)]
         above = [*(seal(document) if read else body(document))]

@@ -34,6 +34,21 @@ _ADVISED = re.compile(r"(?:`|: +)provision (?P<command>[a-z][^`…\n]*?)(?=`|$)"
 """A command in a hint: in backquotes, or at the end of a line behind a colon."""
 
 
+def json_text(document: object) -> str:
+    """Return one line of JSON for `--json`; money is text, so that no digit of it is rounded."""
+    import json
+
+    return json.dumps(document, ensure_ascii=False, default=_as_text)
+
+
+def _as_text(value: object) -> str:
+    from decimal import Decimal
+
+    if isinstance(value, Decimal):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} is not JSON serializable")
+
+
 def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> ExitCode:
     """Tell an error that has words of its own; one that carries `errors` is told as each of them.
 
@@ -121,10 +136,8 @@ def crashed(error: BaseException, typed: Sequence[str], *, as_json: bool) -> Exi
 
 def _tell(errors: Sequence[tuple[str, str | None]], code: ExitCode, *, as_json: bool) -> None:
     if as_json:
-        import json
-
         rows = [{"message": message, "hint": hint} for message, hint in errors]
-        print(json.dumps({"exit": int(code), "errors": rows}, ensure_ascii=False))
+        print(json_text({"exit": int(code), "errors": rows}))
         return
     _tell_person(errors)
 

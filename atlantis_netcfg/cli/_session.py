@@ -27,7 +27,7 @@ from atlantis_netcfg.cli._arguments import (
 )
 from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pay, pays, removes
-from atlantis_netcfg.cli._output import Stopped, as_typed, carried, page, progress, width_of
+from atlantis_netcfg.cli._output import Stopped, as_typed, carried, json_text, page, progress, width_of
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import PlaybookRunner, PlayOutcome
 from atlantis_netcfg.core import paths, printable
@@ -247,7 +247,7 @@ class CommandSession:
     def _ended(self, out: TextIO, name: str, result: Mapping[str, Any]) -> None:
         """Give a program that reads along the result of a device while others are still in work."""
         if self.as_json and self.arguments.given(STREAM):
-            print(json.dumps({"device": name, **self._advised(result)}, ensure_ascii=False), file=out, flush=True)
+            print(json_text({"device": name, **self._advised(result)}), file=out, flush=True)
 
     def _advised(self, result: Mapping[str, Any]) -> dict[str, Any]:
         """A result whose hint can be typed as it stands: the engine does not know what else this command was told."""
@@ -333,7 +333,7 @@ class CommandSession:
         as_json = report.as_json()
         record = self._keep(report.runs, as_json)
         if self.as_json:
-            print(json.dumps(as_json, ensure_ascii=False))
+            print(json_text(as_json))
         else:
             shown = replace(report, next_command=next_command or self._next_command(report), record=record)
             printable.show(shown.rows(width_of(sys.stdout)), sys.stdout)

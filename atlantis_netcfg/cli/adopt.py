@@ -21,6 +21,7 @@ from atlantis_netcfg.cli._arguments import (
     Values,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -199,13 +200,12 @@ def _show(state: str, steps: tuple[str, ...]) -> None:
 
 
 def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
-    import json
 
     from atlantis_netcfg.core import printable
 
     if arguments.flag("json"):
         document: Mapping[str, Any] = {**result.as_json(), "errors": []}
-        print(json.dumps(document, ensure_ascii=False))
+        print(json_text(document))
         return result.exit
     if arguments.flag("plan") and result.steps:
         _show(result.standing, result.steps)

@@ -18,6 +18,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,7 +54,6 @@ ASBUILT = CommandSpec(
 
 def run_asbuilt(arguments: Arguments) -> ExitCode:
     """Ask every device at once, keep the record, tell."""
-    import json
     import sys
 
     from atlantis_netcfg.asbuilt.pages import rows
@@ -72,7 +72,7 @@ def run_asbuilt(arguments: Arguments) -> ExitCode:
             opened.configure_twins()
         record, folder, digest = _made(opened)
     if opened.as_json:
-        print(json.dumps({**record.as_json(), "kept": str(folder), "digest": digest}, ensure_ascii=False))
+        print(json_text({**record.as_json(), "kept": str(folder), "digest": digest}))
     else:
         printable.show(rows(record, str(folder)), sys.stdout)
     return record.exit

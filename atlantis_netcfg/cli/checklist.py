@@ -25,6 +25,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -100,8 +101,6 @@ REPORT_LIST = CommandSpec(
 
 def run_report_list(arguments: Arguments) -> ExitCode:
     """List checklists, oldest first, then what has changed since the last one that passed."""
-    import json
-
     from atlantis_netcfg.cli import _checklist_session
     from atlantis_netcfg.core.errors import ExitCode, NothingMatched
 
@@ -113,7 +112,7 @@ def run_report_list(arguments: Arguments) -> ExitCode:
     since = _since(every, vehicle)
     if arguments.flag("json"):
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
-        print(json.dumps(values, ensure_ascii=False))
+        print(json_text(values))
     else:
         print("\n".join([*(line for row in rows for line in _listed_lines(row)), *_changes(since)]))
     return ExitCode.DONE
@@ -221,7 +220,6 @@ REPORT_SHOW = CommandSpec(
 
 def run_report_show(arguments: Arguments) -> ExitCode:
     """Print what its end has printed."""
-    import json
     import sys
 
     from atlantis_netcfg.checklist.report import body, ending
@@ -237,7 +235,7 @@ def run_report_show(arguments: Arguments) -> ExitCode:
             f"the checklist {item.run} cannot be read: {item.why}", hint="look at it with `provision report verify`"
         )
     if arguments.flag("json"):
-        print(json.dumps({**_checklist_session.as_json(item.document), "errors": []}, ensure_ascii=False))
+        print(json_text({**_checklist_session.as_json(item.document), "errors": []}))
     else:
         last = [*_checklist_session.pages_in(item.folder)]
         show([*body(item.document), "", *ending(item.document), *last], sys.stdout)
@@ -269,8 +267,6 @@ REPORT_VERIFY = CommandSpec(
 
 def run_report_verify(arguments: Arguments) -> ExitCode:
     """Look at every byte that was signed."""
-    import json
-
     from atlantis_netcfg.core.errors import ExitCode, NothingMatched
 
     file = arguments.optional("file")
@@ -279,7 +275,7 @@ def run_report_verify(arguments: Arguments) -> ExitCode:
         raise NothingMatched("nothing was signed", hint="`provision check site=NAME` ends with a signature")
     code = ExitCode.CHECKS_FAILED if any(row["troubles"] for row in rows) else ExitCode.DONE
     if arguments.flag("json"):
-        print(json.dumps({"exit": int(code), "errors": [], "verified": rows}, ensure_ascii=False))
+        print(json_text({"exit": int(code), "errors": [], "verified": rows}))
     else:
         print(translate("\n".join(line for row in rows for line in _lines(row))))
     return code

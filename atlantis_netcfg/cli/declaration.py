@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
@@ -143,9 +144,8 @@ def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:
 
 
 def _print_json_counts(code: ExitCode, inventory: Path, **more: object) -> None:
-    import json
 
-    print(json.dumps({"exit": int(code), "inventory": str(inventory), **more}, ensure_ascii=False))
+    print(json_text({"exit": int(code), "inventory": str(inventory), **more}))
 
 
 DDS = CommandSpec(
@@ -268,7 +268,6 @@ def _print_json_profiles(
     files: Mapping[str, str | None],
     written: Mapping[str, bool],
 ) -> None:
-    import json
 
     first = views[0]
     links = [
@@ -293,4 +292,4 @@ def _print_json_profiles(
         "links": links,
         "files": [{"name": name, "text": text, "changed": written.get(name)} for name, text in files.items()],
     }
-    print(json.dumps(document, ensure_ascii=False))
+    print(json_text(document))

@@ -32,6 +32,7 @@ from atlantis_netcfg.cli._arguments import (
     Values,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -73,8 +74,6 @@ DRIFT = CommandSpec(
 
 def run_drift(arguments: Arguments) -> ExitCode:
     """Read every device, compare, report."""
-    import json
-
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.declaration import ALL
     from atlantis_netcfg.operations import Mode
@@ -91,7 +90,7 @@ def run_drift(arguments: Arguments) -> ExitCode:
         report = _report(opened, opened.perform(Mode.DRIFT).devices)
     if file is not None:
         _write(file, junit(report))
-    print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else translate(report.as_text().rstrip()))
+    print(json_text(report.as_json()) if opened.as_json else translate(report.as_text().rstrip()))
     return report.exit
 
 
@@ -227,8 +226,6 @@ VERIFY = CommandSpec(
 
 def run_verify(arguments: Arguments) -> ExitCode:
     """Ask what it may cost, ask the device, tell."""
-    import json
-
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.operations import Mode
@@ -263,7 +260,7 @@ def run_verify(arguments: Arguments) -> ExitCode:
             verified = _verified(opened, verifying)
         # What an emulated device does is no news to anybody.
         result = verified if opened.rehearsed else written(verified, opened.state)
-    print(json.dumps(result.as_json(), ensure_ascii=False) if opened.as_json else translate(result.as_text()))
+    print(json_text(result.as_json()) if opened.as_json else translate(result.as_text()))
     return result.exit
 
 
@@ -506,12 +503,11 @@ def _ask(opened: CommandSession, prepared: PreparedUpgrade, request: Request) ->
 
 
 def _close(opened: CommandSession, upgraded: Upgraded) -> ExitCode:
-    import json
 
     from atlantis_netcfg.core import printable
 
     if opened.as_json:
-        print(json.dumps(upgraded.as_json(), ensure_ascii=False))
+        print(json_text(upgraded.as_json()))
         return upgraded.exit
     print(f"  {upgraded.device:<18} {printable.below(translate(upgraded.message), 21)}")
     for line in filter(None, (upgraded.hint, *(f"note: {note}" for note in upgraded.notes))):

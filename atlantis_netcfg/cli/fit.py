@@ -6,6 +6,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -43,7 +44,6 @@ _WIDTH = 80
 
 def run_fit(arguments: Arguments) -> ExitCode:
     """Work it out and tell."""
-    import json
     import sys
     from pathlib import Path
 
@@ -65,7 +65,7 @@ def run_fit(arguments: Arguments) -> ExitCode:
         run=arguments.optional("run"),
     )
     if arguments.flag("json"):
-        print(json.dumps(found.as_json(), ensure_ascii=False))
+        print(json_text(found.as_json()))
     else:
         printable.show(rows(found), sys.stdout)
     return found.exit

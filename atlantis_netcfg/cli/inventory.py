@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -170,14 +171,13 @@ def _readme(folder: Path, *, sealed: bool | None) -> str:
 
 def _refuse(error: InventoryInvalid, where: str, *, as_json: bool) -> ExitCode:
     import dataclasses
-    import json
     import sys
 
     from atlantis_netcfg.declaration import report
 
     if as_json:
         rows = [dataclasses.asdict(finding) for finding in error.findings]
-        print(json.dumps({"exit": int(error.exit), "errors": rows}, ensure_ascii=False))
+        print(json_text({"exit": int(error.exit), "errors": rows}))
     else:
         print(report(error.findings, where), file=sys.stderr)
     return error.exit
@@ -205,7 +205,6 @@ def _keep(error: InventoryInvalid, folder: Path, typed: Mapping[str, Any] | None
 
 def _confirm(folder: Path, created: Declaration, *, sealed: bool | None, as_json: bool) -> ExitCode:
     import dataclasses
-    import json
 
     from atlantis_netcfg.core.language import translate
 
@@ -213,7 +212,7 @@ def _confirm(folder: Path, created: Declaration, *, sealed: bool | None, as_json
     if as_json:
         left = [dataclasses.asdict(example) for example in created.examples]
         document = {"exit": 0, "errors": [], "inventory": str(folder), "sites": sites, "hosts": list(created.hosts)}
-        print(json.dumps({**document, "examples": left}, ensure_ascii=False))
+        print(json_text({**document, "examples": left}))
         return ExitCode.DONE
     print(translate(f"{folder}: written and checked, no errors, {len(created.hosts)} hosts at {len(sites)} sites"))
     if sealed:

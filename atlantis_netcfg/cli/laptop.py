@@ -7,6 +7,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, VIA, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli._output import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,7 +45,6 @@ _NAME = 19
 
 def run_doctor(arguments: Arguments) -> ExitCode:
     """Look, and tell."""
-    import json
     from pathlib import Path
 
     from atlantis_netcfg.core import paths, printable
@@ -63,7 +63,7 @@ def run_doctor(arguments: Arguments) -> ExitCode:
         decrypt=vault_of(arguments).decrypt,
     )
     if arguments.flag("json"):
-        print(json.dumps(diagnosis.as_json(), ensure_ascii=False))
+        print(json_text(diagnosis.as_json()))
     else:
         printable.show(_rows(diagnosis, arguments), sys.stdout)
     return diagnosis.exit

@@ -22,6 +22,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -63,8 +64,6 @@ LINKS = CommandSpec(
 
 def run_links(arguments: Arguments) -> ExitCode:
     """Ask every box of the site's links at once, and tell."""
-    import json
-
     from atlantis_netcfg.cli._session import session
 
     _one_site(arguments.word("site"))
@@ -72,7 +71,7 @@ def run_links(arguments: Arguments) -> ExitCode:
         if opened.rehearsal is not None:
             opened.configure_twins()
         report = _report(opened, seen(opened))
-    print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else translate(report.as_text()))
+    print(json_text(report.as_json()) if opened.as_json else translate(report.as_text()))
     return report.exit
 
 
@@ -143,8 +142,6 @@ PROVE = CommandSpec(
 
 def run_prove(arguments: Arguments) -> ExitCode:
     """Ask what it may cost, probe, tell."""
-    import json
-
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.declaration import choose
     from atlantis_netcfg.operations.allow_list_test.site import satellite_of
@@ -169,7 +166,7 @@ def run_prove(arguments: Arguments) -> ExitCode:
             "cost": paid[proof.bearer].as_dict(),
             "costs": {name: bill.as_dict() for name, bill in paid.items()},
         }
-        print(json.dumps({**proof.as_json(), **document}, ensure_ascii=False))
+        print(json_text({**proof.as_json(), **document}))
     else:
         would = "would have " if opened.rehearsed else ""
         costs = [f"  {would}cost over {name}: {bill.words}" for name, bill in paid.items()]

@@ -20,6 +20,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
@@ -165,14 +166,13 @@ def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, A
 
 
 def _end_image(order: ImageOrder, ready: MadeImage, kept: dict[str, Any], *, as_json: bool) -> ExitCode:
-    import json
 
     from atlantis_netcfg.core.errors import ExitCode
 
     if as_json:
         image = {"name": order.image.name, "sha256": ready.expanded.sha256, "confirmed_by": ready.expanded.told_by}
         document = {"exit": 0, "site": order.host.site, "host": order.host.name, "image": image, "notes": ready.notes}
-        print(json.dumps({**document, **kept}, ensure_ascii=False))
+        print(json_text({**document, **kept}))
         return ExitCode.DONE
     for note in ready.notes:
         print(translate(f"note: {note}"))
@@ -303,7 +303,6 @@ def _check(
 
 
 def _end_bundle(manifest: Manifest, place: Path, *, as_json: bool) -> ExitCode:
-    import json
 
     if as_json:
         document: dict[str, Any] = {
@@ -312,7 +311,7 @@ def _end_bundle(manifest: Manifest, place: Path, *, as_json: bool) -> ExitCode:
             "bundle": str(place),
             "size": manifest.size,
         }
-        print(json.dumps({**document, **manifest.model_dump(mode="json")}, ensure_ascii=False))
+        print(json_text({**document, **manifest.model_dump(mode="json")}))
         return ExitCode.DONE
     for name, part in manifest.hosts.items():
         carried = sum(file.size for file in manifest.of(name).values())

@@ -15,6 +15,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -84,8 +85,6 @@ _LED_ALONG = "whatever else is in this computer's tunnel goes there as well, bes
 
 def run_qualify(arguments: Arguments) -> ExitCode:
     """Say what it costs, measure one link after the other, tell."""
-    import json
-
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.declaration import choose
     from atlantis_netcfg.operations.qualify.run import links_of_site, router_of
@@ -114,7 +113,7 @@ def run_qualify(arguments: Arguments) -> ExitCode:
             "links": [each.as_json() for each in found.results],
             "not_measured": [each.as_json() for each in found.not_measured],
         }
-        print(json.dumps(document, ensure_ascii=False))
+        print(json_text(document))
     else:
         missing = (each.line() for each in found.not_measured)
         for line in (*(line for each in found.results for line in each.lines()), *missing, *not_rehearsed):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._arguments import JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli._output import json_text
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
@@ -57,7 +58,6 @@ QUALIFY_HISTORY = CommandSpec(
 
 def run_qualify_show(arguments: Arguments) -> ExitCode:
     """Print the figures of one run."""
-    import json
     import sys
 
     from atlantis_netcfg.core.errors import ExitCode, UsageError
@@ -80,7 +80,7 @@ def run_qualify_show(arguments: Arguments) -> ExitCode:
     code = ExitCode.DONE if record.verdict is Verdict.PASS else ExitCode.CHECKS_FAILED
     if arguments.flag("json"):
         values = {"exit": int(code), "errors": [], "folder": str(kept.folder), "record": record.model_dump(mode="json")}
-        print(json.dumps(values, ensure_ascii=False))
+        print(json_text(values))
     else:
         show(rows(record, str(kept.folder)), sys.stdout)
     return code
@@ -88,7 +88,6 @@ def run_qualify_show(arguments: Arguments) -> ExitCode:
 
 def run_qualify_compare(arguments: Arguments) -> ExitCode:
     """Print two runs beside each other."""
-    import json
     import sys
     from dataclasses import asdict
 
@@ -107,7 +106,7 @@ def run_qualify_compare(arguments: Arguments) -> ExitCode:
     comparison = compared(first, second)
     if arguments.flag("json"):
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "runs": list(runs), **asdict(comparison)}
-        print(json.dumps(values, ensure_ascii=False))
+        print(json_text(values))
     else:
         show(comparison_rows(first, second, comparison), sys.stdout)
     return ExitCode.DONE
@@ -115,7 +114,6 @@ def run_qualify_compare(arguments: Arguments) -> ExitCode:
 
 def run_qualify_history(arguments: Arguments) -> ExitCode:
     """Print the headline figures of every run."""
-    import json
     import sys
 
     from atlantis_netcfg.core.errors import ExitCode
@@ -130,7 +128,7 @@ def run_qualify_history(arguments: Arguments) -> ExitCode:
     records = [record_of(item) for item in kept]
     if arguments.flag("json"):
         runs = [{**_headlines(record), "folder": str(item.folder)} for record, item in zip(records, kept, strict=True)]
-        print(json.dumps({"exit": int(ExitCode.DONE), "errors": [], "site": site, "runs": runs}, ensure_ascii=False))
+        print(json_text({"exit": int(ExitCode.DONE), "errors": [], "site": site, "runs": runs}))
     else:
         show(history_rows(records), sys.stdout)
     return ExitCode.DONE

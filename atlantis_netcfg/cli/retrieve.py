@@ -18,6 +18,7 @@ from atlantis_netcfg.cli._arguments import (
     Values,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -302,12 +303,11 @@ def _tell(opened: CommandSession, program: RetrievalProgram, status: RetrievalSt
 
 
 def _say(opened: CommandSession, program: RetrievalProgram, lines: Sequence[str], data: dict[str, object]) -> None:
-    import json
 
     from atlantis_netcfg.core import printable
 
     if opened.as_json:
-        print(json.dumps({"site": opened.site, "from": program.source.name, **data}, ensure_ascii=False))
+        print(json_text({"site": opened.site, "from": program.source.name, **data}))
         return
     for line in lines:
         print(printable.line(translate(line)), flush=True)

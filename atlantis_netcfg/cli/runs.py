@@ -49,8 +49,7 @@ RUNS = CommandSpec(
 
 def run_runs(arguments: Arguments) -> ExitCode:
     """List them, oldest first; exit 7 when there is none."""
-    import json
-
+    from atlantis_netcfg.cli._output import json_text
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.journal import Store
 
@@ -63,11 +62,7 @@ def run_runs(arguments: Arguments) -> ExitCode:
     if not listed:
         raise NothingMatched("there are no runs", hint="`provision site=NAME` makes the first one")
     if arguments.flag("json"):
-        print(
-            json.dumps(
-                {"exit": int(ExitCode.DONE), "errors": [], "runs": listed, "archived": archived}, ensure_ascii=False
-            )
-        )
+        print(json_text({"exit": int(ExitCode.DONE), "errors": [], "runs": listed, "archived": archived}))
     else:
         print("\n".join(_line(row) for row in listed))
         if archived and not everything:

@@ -15,6 +15,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -276,7 +277,6 @@ def _line(point: SurveyPoint) -> str:
 
 def _report(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: bool) -> ExitCode:  # noqa: FBT001 - as it is
     """Make the files, and say what there is."""
-    import json
     from pathlib import Path
 
     from atlantis_netcfg.survey.kept import EXPORTS, export, outcome
@@ -302,7 +302,7 @@ def _report(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: 
             "not_rehearsed": list(beyond),
             "exit": int(found.exit),
         }
-        print(json.dumps(document, ensure_ascii=False))
+        print(json_text(document))
         return found.exit
     lines = [
         f"Survey of {survey.header.link} of {survey.header.site}, {survey.header.id}",

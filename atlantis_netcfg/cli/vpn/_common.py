@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, Flag, Word
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
 
@@ -127,7 +127,7 @@ def tell(
         error.hint = error.hint and _output.as_typed(error.hint, typed)
     if arguments.flag(JSON.name):
         rows = [{"message": str(error), "hint": error.hint} for error in errors]
-        print(json.dumps({"exit": int(code), "errors": rows, **values}, ensure_ascii=False))
+        print(json_text({"exit": int(code), "errors": rows, **values}))
         return code
     for line in lines:
         print(printable.line(translate(_output.as_typed(line, typed))))

@@ -23,6 +23,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core import printable
@@ -85,7 +86,6 @@ def run_vpn_install(arguments: Arguments) -> ExitCode:
 
 
 def _installed(opened: CommandSession) -> ExitCode:
-    import json
 
     from atlantis_netcfg.cli._consent import agreed
     from atlantis_netcfg.cli._output import progress
@@ -107,7 +107,7 @@ def _installed(opened: CommandSession) -> ExitCode:
             found = install(opened.declaration, host, identity, request, notify)
     if opened.as_json:
         errors = [] if found.exit in {ExitCode.DONE, ExitCode.CHANGES} else [_error(found)]
-        print(json.dumps({**found.as_json(), "errors": errors, "rehearsed": opened.rehearsed}, ensure_ascii=False))
+        print(json_text({**found.as_json(), "errors": errors, "rehearsed": opened.rehearsed}))
         return found.exit
     _show(opened, found)
     print(f"{found.device}: {printable.below(translate(found.message), 4)}")

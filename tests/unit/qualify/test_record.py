@@ -12,8 +12,10 @@ import pytest
 from example_runs import BEGUN, LARGE, SMALL, idle_text, measured_run, put_run, samples_text
 from tolerances import tolerances
 
+from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.journal import NoSuchRun, StateDamaged, Store
+from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.qualify.grids import SHAPE_UNKNOWN
 from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.kept import (
@@ -184,6 +186,16 @@ def test_the_json_is_stable_and_as_its_schema_says() -> None:
         *("rpm_under_load", "load", "telemetry", "images", "highest_rates", "grid_note", "wire_bytes"),
         *("mb_per_hour", "judgements", "verdict"),
     ]
+
+
+def test_the_result_of_a_priced_link_is_json() -> None:
+    record = made(samples_text())
+    found = json.loads(json_text(QualifyResult(record, Path("kept")).as_json()))
+    prices = [row["price_per_hour"] for row in found["rows"]]
+    assert prices == [str(row.price_per_hour) for row in (*record.telemetry, *record.images)]
+    assert "32.256" in prices
+    with pytest.raises(TypeError, match="Path is not JSON serializable"):
+        json_text({"folder": Path("kept")})
 
 
 def test_runs_are_found_where_they_are_kept(tmp_path: Path) -> None:
