@@ -1,10 +1,23 @@
-"""`python -m atlantis_netcfg`: what the launcher runs."""
+"""What the launcher runs, as `python -S atlantis_netcfg/__main__.py`.
 
-from __future__ import annotations
+Until the command line answers stop signals itself, and once it has ended, one of them ends the process or changes
+nothing: Python's own handler would print a traceback in the middle of an import, or lose the signal there.
+"""
 
+import _signal
 import sys
 
-from atlantis_netcfg.cli import main
-
 if __name__ == "__main__":
-    sys.exit(main())
+    if _signal.getsignal(_signal.SIGINT) is not _signal.SIG_IGN:
+        _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
+    if sys.flags.no_site:
+        import site
+
+        site.main()
+
+    from atlantis_netcfg.cli import main
+
+    code = main()
+    for number in (_signal.SIGINT, _signal.SIGTERM, _signal.SIGHUP):
+        _signal.signal(number, _signal.SIG_IGN)
+    sys.exit(code)

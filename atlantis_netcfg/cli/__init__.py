@@ -12,19 +12,18 @@ import errno
 import gc
 import io
 import os
-import signal
 import sys
-import threading
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.cli import _output
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+from atlantis_netcfg.core import stop_signals
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import ASCII, Printer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from types import FrameType
 
     from atlantis_netcfg.cli._arguments import CommandSpec
 
@@ -42,8 +41,16 @@ def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = COMMAN
     # Python's end looks at all objects for garbage, a sixth of a run's time; what must be closed is, by its `with`.
     atexit.register(gc.freeze)
     _open_streams()
-    _take_signals()
-    return int(_CommandLine(typed, table).end())
+    line, code, before = _CommandLine(typed, table), None, stop_signals.handlers()
+    try:
+        stop_signals.take()
+        code = line.end()
+        stop_signals.ignore()
+    except KeyboardInterrupt as stop:
+        code = line.interrupted(stop) if code is None else code
+    if argv is not None:  # the process goes on without us
+        stop_signals.restore(before)
+    return int(code)
 
 
 class _CommandLine:
@@ -56,8 +63,6 @@ class _CommandLine:
 
     def end(self) -> ExitCode:
         """Run it, and end in words whatever happens."""
-        from atlantis_netcfg.cli import _output
-
         if self.typed[:1] == ["complete"]:
             return _print_candidates(self.typed[1:], self.table)
         as_json = "--json" in self.typed
@@ -66,11 +71,14 @@ class _CommandLine:
             code = self._run()
         except NetcfgError as error:
             return _output.failed(error, self.typed, as_json=as_json)
-        except KeyboardInterrupt as stop:
-            return _output.interrupted(self.command, self.typed, stop, as_json=as_json)
         except Exception as error:  # noqa: BLE001 - the last door: nothing may end in a traceback on the screen
             return _output.crashed(error, self.typed, as_json=as_json)
         return code
+
+    def interrupted(self, stop: KeyboardInterrupt) -> ExitCode:
+        """End after a stop."""
+        stop_signals.ignore()
+        return _output.interrupted(self.command, self.typed, stop, as_json="--json" in self.typed)
 
     def _run(self) -> ExitCode:
         if not self.typed or (set(self.typed) <= _HELP):
@@ -211,19 +219,3 @@ def _number_of(stream: object) -> int | None:
         return stream.fileno()
     except OSError:  # somebody captures what we print
         return None
-
-
-def _take_signals() -> None:
-    """`kill` and a terminal that is closed stop a command as Ctrl-C does, so that it settles and tells what is known.
-
-    Signals that we were told to ignore (`nohup`) stay ignored.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        return
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is signal.SIG_DFL:
-            signal.signal(number, _stop)
-
-
-def _stop(number: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt(signal.Signals(number).name)

@@ -30,7 +30,7 @@ from atlantis_netcfg.cli._consent import agreed, pay, pays, removes
 from atlantis_netcfg.cli._output import Stopped, as_typed, carried, json_text, page, progress, width_of
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import PlaybookRunner, PlayOutcome
-from atlantis_netcfg.core import paths, printable
+from atlantis_netcfg.core import paths, printable, stop_signals
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, worst
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.declaration import Declaration, Host, choose, load
@@ -330,6 +330,7 @@ class CommandSession:
 
     def close(self, report: RunReport, next_command: str = "") -> ExitCode:
         """Print how it ended, and keep that beside the journal; `next_command` in place of the usual one."""
+        stop_signals.ignore()
         as_json = report.as_json()
         record = self._keep(report.runs, as_json)
         if self.as_json:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.stop_signals import STOP_SIGNALS, handlers, restore
 from atlantis_netcfg.journal import Run, Store
 from atlantis_netcfg.journal.records import DeviceObserved, Planned, StateSaved
 from atlantis_netcfg.operations.kinds import handled
@@ -28,10 +29,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
-
-
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C, `kill`, and a terminal that is closed: each stops a run in the same way."""
 
 
 @dataclass(slots=True)
@@ -48,14 +45,13 @@ class PlayControl:
     @contextmanager
     def current(self) -> Iterator[PlayControl]:
         """Let plugins find it, and take the stop signals while it lasts. In the main thread only."""
-        before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+        before = handlers()
         _current.append(self)
         try:
             yield self
         finally:
             _current.remove(self)
-            for number, handler in before.items():
-                signal.signal(number, handler)
+            restore(before)
 
     def take_signals(self) -> None:
         """Answer the stop signals from now on; Ansible sets handlers of its own when it makes a play.

@@ -53,7 +53,6 @@ async def _back(work: Transaction, why: str) -> DeviceResult:
 
 Results = tuple["DeviceResult", "DeviceResult"]
 
-_STOPPED = "stopped by hand"
 _CONNECT_S = 15.0
 """For one attempt: the link comes and goes while we wait for it, so ask often."""
 
@@ -126,9 +125,9 @@ async def _stoppable(work: Transaction, mode: JobMode) -> Results | None:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
         if all(end.before is not None for end in work.ends):
-            return await back(work, DeviceFailed(_STOPPED))
+            return await back(work, DeviceFailed("stopped by hand"))
         near, far = (
-            end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {_STOPPED}") for end in (work.near, work.far)
+            end.result(Status.LEFT_AS_FOUND, "nothing was changed: stopped by hand") for end in (work.near, work.far)
         )
         return near, far
 
@@ -265,7 +264,7 @@ async def _honestly(work: Transaction) -> Results:
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return await back(work, DeviceFailed(_STOPPED))
+        return await back(work, DeviceFailed("stopped by hand"))
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, no end must stay between two states
         near, far = await back(work, DeviceFailed(f"provision itself failed ({type(fault).__name__})"))
         return _ours(near, fault), _ours(far, fault)

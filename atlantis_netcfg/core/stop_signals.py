@@ -1,0 +1,69 @@
+"""Stop signals of one command line: Ctrl-C, `kill` and a terminal that is closed.
+
+From `take` to `ignore` a signal raises KeyboardInterrupt, so that the command settles and tells what is known. Once the
+result is known, `ignore` lets it be printed whole: a stop would change nothing but the last words.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from types import FrameType
+
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_REPEAT_S = 0.01
+
+
+def take() -> None:
+    """Answer them from now on. Signals that we were told to ignore (`nohup`) stay ignored."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for number in STOP_SIGNALS:
+        if signal.getsignal(number) in {signal.SIG_DFL, signal.default_int_handler, _hold}:
+            signal.signal(number, _stop)
+    if getattr(sys.unraisablehook, "func", None) is not _repeat_lost_stop:
+        sys.unraisablehook = partial(_repeat_lost_stop, sys.unraisablehook)
+
+
+def handlers() -> dict[int, Any]:
+    """Return what answers them now, for `restore`."""
+    return {number: signal.getsignal(number) for number in STOP_SIGNALS}
+
+
+def restore(before: Mapping[int, Any]) -> None:
+    """Let them be answered as before."""
+    if threading.current_thread() is threading.main_thread():
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def ignore() -> None:
+    """Let the command end as its result says."""
+    if threading.current_thread() is threading.main_thread():
+        for number in STOP_SIGNALS:
+            if signal.getsignal(number) is _stop:
+                signal.signal(number, _hold)
+
+
+def _stop(number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt(signal.Signals(number).name)
+
+
+def _hold(_number: int, _frame: FrameType | None) -> None:
+    """Go on: unlike an ignored signal it is not inherited by the programs that we start."""
+
+
+def _repeat_lost_stop(before: Callable[[Any], object], lost: Any) -> None:  # noqa: ANN401 - sys.UnraisableHookArgs
+    """Send a stop again that came where Python cannot raise it, in a callback of an import or of garbage collection."""
+    if not (isinstance(lost.exc_value, KeyboardInterrupt) and lost.exc_value.args):
+        before(lost)
+        return
+    number = signal.Signals[lost.exc_value.args[0]]
+    threading.Timer(_REPEAT_S, os.kill, (os.getpid(), number)).start()
