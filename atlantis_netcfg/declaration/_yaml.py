@@ -269,12 +269,32 @@ def parse(data: bytes, shown: str, decrypt: Decrypt | None) -> tuple[Node | None
         hint = f"ansible-vault decrypt {shown}, then ansible-vault encrypt_string for each secret"
         return None, [Finding.at(start, "the whole file is encrypted; only single values may be", hint)]
     try:
+        if (deep := _too_deep(text)) is not None:
+            mark = Mark(shown, deep.line + 1, deep.column + 1)
+            return None, [Finding.at(mark, f"the file is nested more than {_DEEPEST} levels deep", "write it flatter")]
         root = _compose(text)
     except yaml.YAMLError as error:
         return None, [explain(error, shown, text)]
     if root is None:
         return None, []
     return _Converter(shown, text, decrypt).convert(root)
+
+
+_DEEPEST = 100
+
+
+def _too_deep(text: str) -> yaml.Mark | None:
+    """Return where the text is nested too deeply: the C parser composes by recursion, and would overrun its stack."""
+    indents = (len(line) - len(line.lstrip(" -?")) for line in text.splitlines())
+    if text.count("[") + text.count("{") + max(indents, default=0) <= _DEEPEST:
+        return None
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEPEST:
+            mark: yaml.Mark = event.start_mark
+            return mark
+    return None
 
 
 def _compose(text: str) -> yaml.Node | None:

@@ -40,11 +40,19 @@ class Finding:
 
     @classmethod
     def at(cls, mark: Mark, message: str, hint: str) -> Finding:
-        """An error at a place."""
-        return cls(mark.file, mark.line, mark.column, message, hint)
+        """An error at a place; what was typed is shortened where it is long."""
+        return cls(mark.file, mark.line, mark.column, _shortened(message), _shortened(hint))
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}: {self.message}"
+
+
+_LONGEST = 400
+MOST_SHOWN = 50
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 2 :]}"
 
 
 class InventoryInvalid(UsageError):
@@ -56,18 +64,25 @@ class InventoryInvalid(UsageError):
 
     @property
     def errors(self) -> tuple[UsageError, ...]:
-        """Each error by itself."""
-        return tuple(UsageError(str(finding), hint=finding.hint) for finding in self.findings)
+        """Each error by itself, up to MOST_SHOWN, and how many more there are."""
+        errors = [UsageError(str(finding), hint=finding.hint) for finding in self.findings[:MOST_SHOWN]]
+        more = len(self.findings) - MOST_SHOWN
+        return (*errors, *([UsageError(_more(more))] if more > 0 else []))
 
 
 def report(
     findings: Sequence[Finding], where: str = "in the inventory; no device was contacted", *, warnings: bool = False
 ) -> str:
-    """All errors or warnings as a technician reads them: place, what is wrong, what to type; the count comes last."""
-    lines = [f"{finding}\n  -> {finding.hint}" for finding in findings]
+    """Errors or warnings as a technician reads them: place, what is wrong, what to type; the count comes last."""
+    lines = [f"{finding}\n  -> {finding.hint}" for finding in findings[:MOST_SHOWN]]
+    lines += [_more(len(findings) - MOST_SHOWN)] if len(findings) > MOST_SHOWN else []
     alone, many = ("1 warning", f"{len(findings)} warnings") if warnings else ("1 error", f"{len(findings)} errors")
     count = alone if len(findings) == 1 else many
     return "\n".join([*lines, f"{count} {where}"])
+
+
+def _more(number: int) -> str:
+    return f"{number} more are not shown: correct these first"
 
 
 _MANY = 12

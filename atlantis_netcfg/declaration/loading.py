@@ -17,7 +17,10 @@ The top-level variables of all files: each has one place, and everything else is
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import os
+import stat
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -216,13 +219,28 @@ class InventorySources:
         """Read and parse one file."""
         shown = self.name(path)
         try:
-            self.contents[shown] = path.read_bytes()
+            data = _content(path)
         except OSError as error:
             reason = (error.strerror or "no reason given").lower()
             return None, [
                 Finding.at(Mark(shown, 1, 1), f"the file cannot be read: {reason}", f"look at it: ls -ld {shown}")
             ]
-        return parse(self.contents[shown], shown, decrypt)
+        if len(data) > _LARGEST:
+            return None, [Finding.at(Mark(shown, 1, 1), "the file is larger than 1 MB", "write it in several files")]
+        self.contents[shown] = data
+        return parse(data, shown, decrypt)
+
+
+_LARGEST = 1_000_000
+
+
+def _content(path: Path) -> bytes:
+    """Read one byte more than a file may have. Raises OSError, also for what is no regular file: a pipe never ends."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(descriptor, "rb") as file:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EINVAL, "it is no regular file")
+        return file.read(_LARGEST + 1)
 
 
 def scan(root: Path, shown: str) -> InventorySources:
@@ -242,6 +260,8 @@ def _entries(folder: Path) -> list[Path]:
 
 def _scan_folder(sources: InventorySources, folder: Path, found: dict[str, list[Path]]) -> None:
     for entry in _entries(folder):
+        if _is_folder_for_file(sources, entry):
+            continue
         if entry.is_dir():
             found.setdefault(entry.name, []).extend(_scan_inner(sources, entry))
         elif entry.suffix == ".yml":
@@ -256,10 +276,21 @@ def _scan_folder(sources: InventorySources, folder: Path, found: dict[str, list[
 
 def _scan_inner(sources: InventorySources, folder: Path) -> Iterator[Path]:
     for entry in _entries(folder):
+        if _is_folder_for_file(sources, entry):
+            continue
         if entry.suffix == ".yml" and not entry.is_dir():
             yield entry
         else:
             _stray(sources, entry)
+
+
+def _is_folder_for_file(sources: InventorySources, entry: Path) -> bool:
+    if not (entry.suffix == ".yml" and entry.is_dir()):
+        return False
+    shown = sources.name(entry)
+    sources.strays.add(entry.stem)
+    _tell(sources, entry, "a folder stands in place of a file", f"rename it: mv {shown} {shown.removesuffix('.yml')}")
+    return True
 
 
 def _stray(sources: InventorySources, entry: Path, expected: tuple[str, ...] = ()) -> None:

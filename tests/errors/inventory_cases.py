@@ -1,7 +1,7 @@
 """Golden cases: `<case>.yml` spoils a copy of the shipped inventory, `<case>.txt` is exactly what a person is told.
 
 An edit is one of `{file, old, new}` (`old` stands there exactly once; a mark `# EXAMPLE` between its lines need not be
-repeated), `{file, content}`, `{remove}`, `{rename, to}`.
+repeated), `{file, content}`, `{file, content, times}`, `{remove}`, `{rename, to}`, `{fifo}`, `{folder}`, `{link, to}`.
 `python tests/errors/inventory_cases.py` writes the expected texts anew: read the difference before you commit it.
 """
 
@@ -28,6 +28,10 @@ class Edit(TypedDict, total=False):
     old: str
     new: str
     content: str
+    times: int
+    fifo: str
+    folder: str
+    link: str
     remove: str
     rename: str
     to: str
@@ -66,7 +70,16 @@ def _apply(edit: Edit, inventory: Path) -> None:
     elif "content" in edit:
         path = inventory / edit["file"]
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(edit["content"], encoding="utf-8")
+        path.write_text(edit["content"] * edit.get("times", 1), encoding="utf-8")
+    elif kind := edit.keys() & {"fifo", "folder", "link"}:
+        path = inventory / str(edit[kind.pop()])  # type: ignore[literal-required]
+        path.unlink()
+        if "fifo" in edit:
+            os.mkfifo(path)
+        elif "folder" in edit:
+            path.mkdir()
+        else:
+            path.symlink_to(edit["to"])
     else:
         path = inventory / edit["file"]
         text = path.read_text(encoding="utf-8")

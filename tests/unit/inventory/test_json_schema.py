@@ -52,7 +52,8 @@ def test_who_sees_a_broken_inventory(sort: str, tmp_path: Path) -> None:
 
 def test_the_lists_are_all_cases() -> None:
     listed = [case for cases in CASES.values() for case in cases]
-    assert sorted(listed) == sorted(path.stem for path in inventory_cases.cases())
+    every = [path.stem for path in inventory_cases.cases()]
+    assert sorted(listed) == sorted(case for case in every if not case.startswith("bounds-"))  # no editor opens a pipe
     assert len(CASES["schema"]) >= 30
 
 
