@@ -4,7 +4,7 @@ Until the command line answers stop signals itself, and once it has ended, one o
 nothing: Python's own handler would print a traceback in the middle of an import, or lose the signal there.
 """
 
-import _signal
+import _signal  # type: ignore[import-not-found] # built in; `signal` imports much before it can answer any
 import sys
 
 if __name__ == "__main__":

@@ -283,7 +283,7 @@ def parse(data: bytes, shown: str, decrypt: Decrypt | None) -> tuple[Node | None
 _DEEPEST = 100
 
 
-def _too_deep(text: str) -> yaml.Mark | None:
+def _too_deep(text: str) -> Any:  # noqa: ANN401 - a mark of PyYAML or of its C parser, or None
     """Return where the text is nested too deeply: the C parser composes by recursion, and would overrun its stack."""
     indents = (len(line) - len(line.lstrip(" -?")) for line in text.splitlines())
     if text.count("[") + text.count("{") + max(indents, default=0) <= _DEEPEST:
@@ -292,8 +292,7 @@ def _too_deep(text: str) -> yaml.Mark | None:
     for event in yaml.parse(text, Loader=_Loader):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if depth > _DEEPEST:
-            mark: yaml.Mark = event.start_mark
-            return mark
+            return event.start_mark
     return None
 
 
