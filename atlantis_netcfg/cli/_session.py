@@ -264,11 +264,11 @@ class CommandSession:
             print(translate("the emulated device is unchanged, byte for byte"))
         return report
 
-    def change(self, *, ask: bool, saved: Mapping[str, str] | None = None) -> RunReport:
+    def change(self, *, ask: bool, saved: Mapping[str, str] | None = None, again: str = "") -> RunReport:
         """Change the devices; a person agrees to the plan that is shown, and only that plan is carried out.
 
         `saved`: device name to the `planned_state` of a plan that was saved. What is to be done now has to be the
-        same. Raises PlanOutdated.
+        same, or done already; `again` is the command that makes a new plan. Raises PlanOutdated.
         """
         if not ask and saved is None:
             report = self.perform(Mode.APPLY)
@@ -278,7 +278,7 @@ class CommandSession:
         planned = self.plan()
         plans = {name: str(row["plan_hash"]) for name, row in planned.devices.items()}
         if saved is not None:
-            _refuse_outdated(planned, saved)
+            _refuse_outdated(planned, saved, again)
         if worst(self._plannable(planned)) is not ExitCode.CHANGES:
             return planned
         if not ask:
@@ -394,15 +394,18 @@ def planned_state(result: Mapping[str, Any]) -> str:
     return f"{result['plan_hash']}:{seen}"
 
 
-def _refuse_outdated(planned: RunReport, saved: Mapping[str, str]) -> None:
+def _refuse_outdated(planned: RunReport, saved: Mapping[str, str], again: str) -> None:
     plans = {name: planned_state(row) for name, row in planned.devices.items()}
+    # The inventory is that of the plan: where nothing is left to do, its plan was carried out.
+    done = {name: plans[name] for name in saved.keys() & plans if planned.devices[name]["exit"] == ExitCode.DONE}
+    saved = {**saved, **done}
     silent = [name for name, row in planned.devices.items() if row["exit"] not in (ExitCode.DONE, ExitCode.CHANGES)]
     other = [name for name in dict.fromkeys((*saved, *plans)) if saved.get(name) != plans.get(name)]
     moved = [name for name in other if name not in silent]
     if moved:
         raise PlanOutdated(
             f"nothing was changed: what would be done on {', '.join(moved)} is no longer what the saved plan says",
-            hint="make a new plan, and look at it: the same words with `--plan --save FILE`",
+            hint=f"make a new plan, and look at it: `{again}`",
         )
 
 

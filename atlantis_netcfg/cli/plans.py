@@ -1,7 +1,8 @@
 """`provision apply`: carry out a plan that was shown, saved and looked at, and no other.
 
-A saved plan is bound to the declaration (its revision) and to each device (the hash of the planned actions with what
-was found there): when either has moved on it is refused, and nothing is changed.
+A saved plan is bound to the inventory (its revision) and to each device (the hash of the planned actions with what was
+found there): when either has changed it is refused, and nothing is changed. A device that is as planned already counts
+as done, so that a plan of which one device could not be reached is applied again.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from atlantis_netcfg.cli._arguments import (
     YES,
     Arguments,
     CommandSpec,
+    Flag,
     Group,
     Word,
 )
@@ -27,23 +29,25 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.report.run import RunReport
 
-_FORMAT = "atlantis-plan-1"
-_KEYS = {"format", "site", "only", "via", "offline", "rehearsed", "revision", "plans", "text"}
+_FORMAT = "atlantis-plan-2"
+_KEYS = {"format", "site", "only", "via", "offline", "rehearsed", "revision", "plans", "text", "sha256"}
 
 APPLY = CommandSpec(
     "apply",
-    "carry out a plan that was saved, if nothing has moved on since",
+    "apply a saved plan, if inventory and devices are as they were",
     words=(
         Word("file", "the file that `--plan --save FILE` wrote", required=True, example="coastal.plan", bare=True),
         INVENTORY,
     ),
     flags=(
+        Flag("plan", "show the saved plan; no device is contacted", harmless=True),
         YES,
         *CHANGE,
     ),
     details=(
-        "Site, hosts and bearer are those of the plan. It is refused when the declaration has changed (exit code 3), "
-        "or when a device is no longer as it was (exit code 4). A plan of a rehearsal is carried out in a rehearsal."
+        "Site, hosts and link are those of the plan. It is refused when the file or the inventory has changed (exit "
+        "code 3), or when a device is no longer as it was (exit code 4); a device that is as planned already counts as "
+        "done. A plan of a rehearsal is carried out in a rehearsal."
     ),
     group=Group.PLAN,
     changes=True,
@@ -59,16 +63,37 @@ def run_apply(arguments: Arguments) -> ExitCode:
 
     file = Path(arguments.word("file"))
     plan = _read(file)
-    rehearsed = bool(plan["rehearsed"])
+    if arguments.flag("plan"):
+        return _show(plan, as_json=arguments.flag("json"))
+    rehearsed, again = bool(plan["rehearsed"]), _command(plan, file)
     with session(arguments, rehearse=rehearsed, via=plan["via"], site=plan["site"], only=plan["only"]) as opened:
         if opened.declaration.revision != plan["revision"]:
             raise UsageError(
                 f"the declaration has changed since the plan in {file} was saved; no device was contacted",
-                hint=f"make a new plan: `provision site={plan['site']} --plan --save {file}`",
+                hint=f"make a new plan: `{again}`",
             )
         opened.offline = Path(plan["offline"]) if plan["offline"] else None
-        report = opened.change(ask=not (rehearsed or arguments.flag("yes")), saved=plan["plans"])
+        report = opened.change(ask=not (rehearsed or arguments.flag("yes")), saved=plan["plans"], again=again)
     return opened.close(report)
+
+
+def _show(plan: Mapping[str, Any], *, as_json: bool) -> ExitCode:
+    from atlantis_netcfg.cli._output import json_text
+
+    print(json_text({"exit": int(ExitCode.DONE), "errors": [], **plan}) if as_json else plan["text"].rstrip())
+    return ExitCode.DONE
+
+
+def _command(plan: Mapping[str, Any], file: Path) -> str:
+    """The command that makes such a plan anew."""
+    import shlex
+
+    words = [f"site={plan['site']}"]
+    words += [f"only={','.join(plan['only'])}"] if plan["only"] else []
+    words += [f"via={plan['via']}"] if plan["via"] else []
+    words += ["--offline", plan["offline"]] if plan["offline"] else []
+    words += ["--rehearse"] if plan["rehearsed"] else []
+    return shlex.join(["provision", *words, "--plan", "--save", str(file)])
 
 
 def refuse_place(file: Path) -> None:
@@ -102,7 +127,7 @@ def save(opened: CommandSession, report: RunReport, file: Path) -> str:
     if report.exit is not ExitCode.CHANGES:
         file.unlink(missing_ok=True)
         return ""
-    kept = {
+    kept: dict[str, Any] = {
         "format": _FORMAT,
         "site": opened.site,
         "only": list(opened.arguments.many("only")),
@@ -113,6 +138,7 @@ def save(opened: CommandSession, report: RunReport, file: Path) -> str:
         "plans": {name: planned_state(result) for name, result in report.devices.items()},
         "text": report.plan_as_text(),
     }
+    kept["sha256"] = _digest(kept)
     try:
         write_private(file, json.dumps(kept, ensure_ascii=False, indent=1).encode())
     except OSError as error:
@@ -135,7 +161,19 @@ def _read(file: Path) -> Mapping[str, Any]:
         raise UsageError(f"{file} is not a saved plan", hint=_HINT) from error
     if not isinstance(plan, dict) or set(plan) != _KEYS or plan["format"] != _FORMAT or not _is_whole(plan):
         raise UsageError(f"{file} is not a saved plan of this version", hint=_HINT)
+    if plan["sha256"] != _digest({key: plan[key] for key in plan if key != "sha256"}):
+        raise UsageError(
+            f"{file} was changed since the plan was saved", hint=f"make a new plan: `{_command(plan, file)}`"
+        )
     return plan
+
+
+def _digest(plan: Mapping[str, Any]) -> str:
+    """A hash of all that a person has seen of the plan, and of all that is applied."""
+    import hashlib
+    import json
+
+    return hashlib.sha256(json.dumps(plan, sort_keys=True).encode()).hexdigest()
 
 
 _HINT = "a plan of a site is kept with `--plan --save FILE`"
@@ -147,6 +185,7 @@ def _is_whole(plan: Mapping[str, Any]) -> bool:
         plan["site"],
         plan["revision"],
         plan["text"],
+        plan["sha256"],
         *(plan["only"] if isinstance(plan["only"], list) else [None]),
     ]
     hashes = plan["plans"]
