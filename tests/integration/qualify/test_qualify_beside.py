@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from atlantis_netcfg.qualify.transport import UdpTransport
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "qualify"))
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from tolerances import tolerances
 
@@ -80,12 +81,34 @@ def _free_port() -> int:
 
 
 @contextlib.contextmanager
-def _program(*words: object, **more: Any) -> Iterator[None]:  # noqa: ANN401 - as Popen has them
+def _program(*words: object, **more: Any) -> Iterator[subprocess.Popen[bytes]]:  # noqa: ANN401 - as Popen has them
     with subprocess.Popen([str(word) for word in words], stdout=subprocess.DEVNULL, **more) as process:
         try:
-            yield
+            yield process
         finally:
             process.terminate()
+
+
+@contextlib.contextmanager
+def _server(
+    protocol: str, words: Callable[[int], Sequence[object]], environment: Mapping[str, str] | None = None
+) -> Iterator[tuple[str, int]]:
+    """Start a server at a port; at another one if somebody takes it before the server does."""
+    state = "0A" if protocol == "tcp" else "07"
+    with contextlib.ExitStack() as stack:
+        while True:
+            port = _free_port()
+            process = stack.enter_context(_program(*words(port), env=environment))
+            row = f"0100007F:{port:04X} 00000000:0000 {state}"
+            wait_until(lambda: _listens(protocol, row) or process.poll() is not None)  # noqa: B023 - waited for here
+            if process.poll() is None:
+                yield "127.0.0.1", port
+                return
+
+
+def _listens(protocol: str, row: str) -> bool:
+    """By the kernel's table: a connection would be taken for the one test that iperf3 serves."""
+    return row in Path(f"/proc/net/{protocol}").read_text(encoding="ascii")
 
 
 def _iperf3_environment() -> dict[str, str]:
@@ -96,9 +119,9 @@ def _iperf3_environment() -> dict[str, str]:
 class _ControlConnection(threading.Thread):
     """iperf3 has one TCP connection beside its datagrams, to the same port: it goes by without the link."""
 
-    def __init__(self, at: tuple[str, int], server: tuple[str, int]) -> None:
+    def __init__(self, listener: socket.socket, server: tuple[str, int]) -> None:
         super().__init__(daemon=True)
-        self._listener = socket.create_server(at)
+        self._listener = listener
         self._server = server
 
     def run(self) -> None:
@@ -116,16 +139,14 @@ class _ControlConnection(threading.Thread):
 @contextlib.contextmanager
 def _iperf3(*words: str) -> Iterator[list[dict[str, Any]]]:
     """Run it over a link of its own; at the end the list has what it has written."""
-    port = _free_port()
-    server, environment = ("127.0.0.1", port), _iperf3_environment()
+    environment = _iperf3_environment()
     written: list[dict[str, Any]] = []
-    with (
-        _program(IPERF3, "-s", "-1", "-B", "127.0.0.1", "-p", port, env=environment),
-        UdpRelay(server, LOAD_UP, LOAD_DOWN, seed=3) as relay,
-    ):
-        _until_it_listens(server)
-        _ControlConnection(relay.address, server).start()
-        command = [str(IPERF3), "-c", "127.0.0.1", "-p", str(relay.address[1]), "-u", "-J", "-O", "1", *words]
+    with contextlib.ExitStack() as stack:
+        serve = partial(_server, "tcp", lambda port: (IPERF3, "-s", "-1", "-B", "127.0.0.1", "-p", port))
+        server = stack.enter_context(serve(environment))
+        listener, at = _relay(stack, server)
+        _ControlConnection(listener, server).start()
+        command = [str(IPERF3), "-c", "127.0.0.1", "-p", str(at), "-u", "-J", "-O", "1", *words]
         command += ["-t", str(SECONDS - 1), "-l", str(DEFAULT_PACKET)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as client:
             yield written
@@ -133,10 +154,12 @@ def _iperf3(*words: str) -> Iterator[list[dict[str, Any]]]:
         written.append(json.loads(text))
 
 
-def _until_it_listens(server: tuple[str, int]) -> None:
-    """By the kernel's table: a connection would be taken for the one test that it serves."""
-    local = f"0100007F:{server[1]:04X} 00000000:0000 0A"
-    wait_until(lambda: local in Path("/proc/net/tcp").read_text(encoding="ascii"))
+def _relay(stack: contextlib.ExitStack, server: tuple[str, int]) -> tuple[socket.socket, int]:
+    """Make a relay of datagrams, and listen at the same port for TCP, which somebody else may have."""
+    while True:
+        relay = stack.enter_context(UdpRelay(server, LOAD_UP, LOAD_DOWN, seed=3))
+        with contextlib.suppress(OSError):
+            return socket.create_server(relay.address), relay.address[1]
 
 
 def _load(address: tuple[str, int], way: str, samples: list[Sample]) -> None:
@@ -153,12 +176,11 @@ def _load(address: tuple[str, int], way: str, samples: list[Sample]) -> None:
 
 
 def _beside(folder: Path) -> _Beside:
-    port = _free_port()
     train: list[Sample] = []
     load: list[Sample] = []
     with (
-        _program(IRTT, "server", "-b", f"127.0.0.1:{port}"),
-        UdpRelay(("127.0.0.1", port), LINK, LINK, seed=1) as theirs,
+        _server("udp", lambda port: (IRTT, "server", "-b", f"127.0.0.1:{port}")) as far_irtt,
+        UdpRelay(far_irtt, LINK, LINK, seed=1) as theirs,
         reflector(folder / "far") as (_, ours_port),
         UdpRelay(("127.0.0.1", ours_port), LINK, LINK, seed=2) as ours,
         UdpRelay(("127.0.0.1", ours_port), LOAD_UP, LOAD_DOWN, seed=4) as loaded_up,
