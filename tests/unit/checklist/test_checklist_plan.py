@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist import Answers, Checklist, Scope, plan
+from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import registry
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched
@@ -41,6 +42,20 @@ def _written(path: Path) -> Cells:
         name, *cells = (cell.strip() for cell in row.strip("|").split("|"))
         table[name] = {title: cell == "x" for title, cell in zip(titles, cells, strict=True)}
     return table
+
+
+def test_a_drawn_vehicle_has_its_own_items_and_the_vpn_those_of_the_site(
+    declaration: Declaration, coastal: Checklist
+) -> None:
+    drawn = drawing(declaration, coastal)
+    items = {node.key: set(node.items) for node in drawn.nodes if node.kind == "vehicle"}
+    expected: dict[str, set[str]] = {}
+    for entry in coastal.entries:
+        if entry.item.vehicle is not None:
+            expected.setdefault(entry.item.vehicle, set()).add(entry.item.id)
+    assert items == expected
+    (vpn,) = [link for link in drawn.links if link.kind == "vpn" and link.items]
+    assert set(vpn.items) <= {entry.item.id for entry in coastal.entries if entry.item.vehicle is None}
 
 
 @pytest.fixture(scope="module")

@@ -167,6 +167,11 @@ CASES = {
     "gpsd, off the planet": Case(GPSD, heard(gpsd(*fixes(5, lat=141.0)))),
     "gpsd, a fix without a position": Case(GPSD, heard(gpsd(*fixes(5, lat=None, lon=None)))),
     "gpsd, jumping": Case(GPSD, heard(gpsd(*[tpv(s, lat=say.LATITUDE + 0.001 * (s % 2)) for s in range(5)]))),
+    "gpsd, in tow, a report every two seconds": Case(
+        GPSD, heard(gpsd(*[tpv(2 * s, lat=say.LATITUDE + 0.00045 * (s % 2)) for s in range(6)], every_s=2.0))
+    ),
+    "gpsd, slowly moving while the position stands still": Case(GPSD, heard(gpsd(*fixes(5, speed=1.5)))),
+    "gpsd, a report every five seconds": Case(GPSD, heard(gpsd(*[tpv(5 * s) for s in range(3)], every_s=5.0), 12.0)),
     "gpsd, no geofence": Case(GPSD, heard(gpsd(*fixes(5))), {"fence": None}),
     "NMEA, swapped": Case(TCP, heard(nmea(*[epoch(s, SWAPPED) for s in range(5)]))),
     "NMEA, somewhere else": Case(TCP, heard(nmea(*[epoch(s, FAR) for s in range(5)]))),

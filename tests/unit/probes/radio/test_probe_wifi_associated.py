@@ -60,6 +60,7 @@ CASES = (
     Case("one antenna is off", {"stations": stations("-52 [-54, -80] dBm")}),
     Case("sends too slowly", {"link": linked(tx="6.5 MBit/s MCS 0")}, {"rate_mbps": 24.0}),
     Case("received a frame of management last", {"link": linked(rx="6.0 MBit/s")}, {"rate_mbps": 24.0}),
+    Case("its rate of sending is not known", {"link": linked(tx="(unknown)")}, {"rate_mbps": 24.0}),
     Case("one ping in ten is lost", {"ping": pings(18)}),
     Case("half of the pings are lost", {"ping": pings(10)}),
     Case("slow", {"ping": pings(mean=410.5)}),

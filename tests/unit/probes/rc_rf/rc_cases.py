@@ -24,6 +24,9 @@ CASES = {
     "healthy, beside a ground station and a camera": Case(
         "heard", heard([[*Says().second(), Says(255).heartbeat(0, 6, 8), Says(1).heartbeat(0, 30, 8)]] * 6)
     ),
+    "healthy, beside an armed gimbal": Case(
+        "heard", heard([[*Says().second(), Says(1, component=154).heartbeat(0x51 | ARMED, 26, 8)]] * 6)
+    ),
     "healthy, beside another disarmed vehicle": Case("heard", heard([[*Says().second(), Says(7).heartbeat()]] * 6)),
     "healthy, unused channels": Case(
         "heard", heard([Says().second(1500, 1500, 1000, 1500, UNUSED, UNUSED, 2000, 900)] * 6)
