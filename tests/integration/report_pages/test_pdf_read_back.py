@@ -68,6 +68,15 @@ def test_what_counts_stands_on_the_first_page(example: list[str]) -> None:
         assert plain(words) in first
 
 
+def test_the_drawing_and_what_was_not_checked_are_in_it(example: list[str]) -> None:
+    document, words = made.example(), "".join(example)
+    assert document.drawing.nodes
+    assert all(plain(node.label) in words for node in document.drawing.nodes if not node.detail)
+    assert document.left_out
+    for entry in document.left_out:
+        assert plain(f"{entry.what}: {entry.why}") in words
+
+
 def test_evidence_overrides_and_hashes_are_in_it(example: list[str]) -> None:
     words = "".join(example)
     for one in (
