@@ -1,6 +1,7 @@
 """irtt and iperf3 (Debian) beside our sender in one run, over links of the same shape; irtt also judges our figures."""
 
 import contextlib
+import itertools
 import json
 import os
 import select
@@ -16,7 +17,7 @@ from typing import Any
 
 import pytest
 from test_qualify_real_sockets import KEY, reflector
-from waiting import HANG_S, wait_until
+from waiting import HANG_S, measure, wait_until
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape, UdpRelay
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
@@ -206,13 +207,22 @@ def _beside(folder: Path) -> _Beside:
     return _Beside(train, load, json.loads(written.read_text(encoding="utf-8")), iperf3_up[0], iperf3_down[0])
 
 
-@pytest.fixture(scope="module")
-def beside(tmp_path_factory: pytest.TempPathFactory) -> _Beside:
-    """All of them in one run."""
-    return _beside(tmp_path_factory.mktemp("beside"))
+def test_irtt_iperf3_and_we_see_the_same(tmp_path: Path) -> None:
+    numbers = itertools.count()
+
+    def judge() -> None:
+        folder = tmp_path / str(next(numbers))
+        folder.mkdir()
+        beside = _beside(folder)
+        same_round_trips(beside)
+        same_goodput(beside, "up")
+        same_goodput(beside, "down")
+        figures_of_irtt(beside)
+
+    measure(judge)
 
 
-def test_irtt_and_we_see_the_same_round_trips(beside: _Beside) -> None:
+def same_round_trips(beside: _Beside) -> None:
     rtt, stats = train_figures(beside.train, "t").rtt, beside.irtt["stats"]["rtt"]
     assert rtt is not None
     for ours, theirs in ((rtt.p50, stats["median"]), (rtt.min, stats["min"])):
@@ -220,8 +230,7 @@ def test_irtt_and_we_see_the_same_round_trips(beside: _Beside) -> None:
     assert rtt.min >= 2 * LINK.delay_s
 
 
-@pytest.mark.parametrize("way", ["up", "down"])
-def test_iperf3_and_we_see_the_same_goodput(beside: _Beside, way: str) -> None:
+def same_goodput(beside: _Beside, way: str) -> None:
     """By what each receiver had, as UDP payload: iperf3 has no header of its own to take off."""
     figures = message_figures(beside.load, way)
     assert figures is not None
@@ -234,7 +243,8 @@ def test_iperf3_and_we_see_the_same_goodput(beside: _Beside, way: str) -> None:
     assert figures.receiver_bps == pytest.approx(truth, rel=tolerances()["goodput_share"])
 
 
-def test_our_figures_of_its_samples_are_its_own(beside: _Beside) -> None:
+def figures_of_irtt(beside: _Beside) -> None:
+    """Our figures of its samples are its own."""
     stats, figures = beside.irtt["stats"], train_figures(_samples_of_irtt(beside.irtt), "irtt")
     exact = tolerances()["rtt_s"]
     assert figures.rtt is not None
