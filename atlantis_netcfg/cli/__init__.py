@@ -72,7 +72,7 @@ class _CommandLine:
         except NetcfgError as error:
             return _output.failed(error, self.typed, as_json=as_json)
         except Exception as error:  # noqa: BLE001 - the last door: nothing may end in a traceback on the screen
-            if name := stop_signals.requested():
+            if name := stop_signals.pending_stop():
                 return self.interrupted(KeyboardInterrupt(name))
             return _output.crashed(error, self.typed, as_json=as_json)
         return code

@@ -21,17 +21,17 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _REPEAT_S = 0.01
 
 
-_requested: list[str] = []
+_pending: list[str] = []
 
 
-def requested() -> str:
+def pending_stop() -> str:
     """Return the first signal that came, as `SIGINT`; empty: none. A library may have made another error of it."""
-    return _requested[0] if _requested else ""
+    return _pending[0] if _pending else ""
 
 
 def take() -> None:
     """Answer them from now on. Signals that we were told to ignore (`nohup`) stay ignored."""
-    _requested.clear()
+    _pending.clear()
     if threading.current_thread() is not threading.main_thread():
         return
     for number in STOP_SIGNALS:
@@ -62,7 +62,7 @@ def ignore() -> None:
 
 
 def _stop(number: int, _frame: FrameType | None) -> None:
-    _requested.append(signal.Signals(number).name)
+    _pending.append(signal.Signals(number).name)
     raise KeyboardInterrupt(signal.Signals(number).name)
 
 

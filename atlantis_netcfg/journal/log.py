@@ -50,7 +50,7 @@ class Log:
     entries: tuple[LogEntry, ...]
     damage: tuple[str, ...] = ()
     """Each damaged line, with its device where that can still be read."""
-    torn: bool = False
+    has_torn_end: bool = False
     """The last line has no end: the run was killed while it wrote it, or the file has lost its tail."""
     checksum: bytes = b""
     """Of the last line: the next one continues from it."""

@@ -141,7 +141,7 @@ async def converge(job: DeviceJob, *, mode: JobMode = JobMode.APPLY) -> DeviceRe
         await _close(work)
         raise
     result, is_stopped = await completed_despite_stop(_end(work, result))
-    return replace(result, stopped=True) if is_stopped else result
+    return replace(result, is_stopped=True) if is_stopped else result
 
 
 async def _end(work: RunContext, result: DeviceResult) -> DeviceResult:
@@ -184,7 +184,7 @@ async def _run_guarded(work: RunContext, mode: JobMode) -> DeviceResult:
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return replace(await settle(work, Interrupted("stopped by hand")), stopped=True)
+        return replace(await settle(work, Interrupted("stopped by hand")), is_stopped=True)
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, the device must not stay between two states
         result = await settle(work, DeviceFailed(f"provision itself failed ({type(fault).__name__})"))
         exit_ = ExitCode.UNKNOWN if result.status is Status.UNKNOWN else ExitCode.OUR_FAULT

@@ -240,7 +240,7 @@ class DeviceResult:
     """Whether a session with it came about, or nobody tried."""
     left_open: bool = False
     """The device may still hold safe mode or a job of this run, though nothing was changed."""
-    stopped: bool = field(default=False, compare=False)
+    is_stopped: bool = field(default=False, compare=False)
     """A person stopped the run before it was over: what would come after this device does not begin."""
     fault: BaseException | None = field(default=None, compare=False)
     """A fault of ours, for the log file."""

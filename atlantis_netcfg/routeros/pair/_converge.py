@@ -143,7 +143,7 @@ async def _one_by_one(pair: Pair, mode: JobMode, work: Transaction | None = None
         near = await converge(pair.near, mode=mode)
         return replace(near, notes=(*near.notes, _end_by_end(pair))), work.far.ended(work.unseen)
     far = await converge(pair.far, mode=mode)
-    near = stopped_before_turn(pair.near.name) if far.stopped else await converge(pair.near, mode=mode)
+    near = stopped_before_turn(pair.near.name) if far.is_stopped else await converge(pair.near, mode=mode)
     if work is not None:
         near, far = (_noted(work, end, each) for end, each in ((work.near, near), (work.far, far)))
     return near, far

@@ -86,7 +86,7 @@ def kill_and_resume(folder: Path, record: int, moment: str, text: str = TEXT) ->
         if not there.journal.unsettled:
             assert there.journal.outcomes["router"].status == "changed"
             return True
-        assert there.journal.log.torn == (moment == "torn")
+        assert there.journal.log.has_torn_end == (moment == "torn")
         resumed = there.run("resume")
         assert resumed.returncode == 0, resumed.stderr
         result = json.loads(resumed.stdout)
@@ -179,4 +179,4 @@ def test_a_disk_that_becomes_full(tmp_path: Path, share: float) -> None:
     assert (now != before) == (result["status"] == "changed")
     assert "cannot be written: File too large" in f"{result['message']} {result['notes']}"
     assert not there.journal.log.damage
-    assert not there.journal.log.torn
+    assert not there.journal.log.has_torn_end

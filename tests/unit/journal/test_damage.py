@@ -156,7 +156,7 @@ def test_what_a_killed_run_left_of_a_line_goes_and_a_zeroed_tail_stays_damage(
     resumed = RunResumed(revision="a", tool="2", command="x")
     for torn, damage in ((b'{"at":"2026', 0), (b"{", 0), (bytes(40), 1)):
         journal.write_bytes(data + torn)
-        assert read(journal).torn
+        assert read(journal).has_torn_end
         with store.resume("coastal", journal.parent.name, resumed):
             pass
         assert len(read(journal).damage) == damage

@@ -164,7 +164,7 @@ def test_a_torn_last_line_is_reported_and_the_rest_is_read(store: Store) -> None
         journal_file(journal).write_bytes(data[:length])
         log = read(journal_file(journal))
         assert log.records == (STARTED,)
-        assert (log.damage, log.torn) == ((), True)
+        assert (log.damage, log.has_torn_end) == ((), True)
 
 
 def test_resuming_closes_the_torn_line_and_appends(store: Store) -> None:
@@ -176,7 +176,7 @@ def test_resuming_closes_the_torn_line_and_appends(store: Store) -> None:
         again.write(RunEnded(exit=0))
     loaded = store.run("coastal", run)
     assert [type(record) for record in loaded.log.records] == [RunStarted, RunResumed, RunEnded]
-    assert (loaded.log.damage, loaded.log.torn) == ((), False)
+    assert (loaded.log.damage, loaded.log.has_torn_end) == ((), False)
     assert loaded.exit == 0
 
 
