@@ -200,7 +200,6 @@ def _show(state: str, steps: tuple[str, ...]) -> None:
 
 
 def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
-
     from atlantis_netcfg.core import printable
 
     if arguments.flag("json"):

@@ -144,7 +144,6 @@ def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:
 
 
 def _print_json_counts(code: ExitCode, inventory: Path, **more: object) -> None:
-
     print(json_text({"exit": int(code), "inventory": str(inventory), **more}))
 
 

@@ -503,7 +503,6 @@ def _ask(opened: CommandSession, prepared: PreparedUpgrade, request: Request) ->
 
 
 def _close(opened: CommandSession, upgraded: Upgraded) -> ExitCode:
-
     from atlantis_netcfg.core import printable
 
     if opened.as_json:

@@ -166,7 +166,6 @@ def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, A
 
 
 def _end_image(order: ImageOrder, ready: MadeImage, kept: dict[str, Any], *, as_json: bool) -> ExitCode:
-
     from atlantis_netcfg.core.errors import ExitCode
 
     if as_json:
@@ -303,7 +302,6 @@ def _check(
 
 
 def _end_bundle(manifest: Manifest, place: Path, *, as_json: bool) -> ExitCode:
-
     if as_json:
         document: dict[str, Any] = {
             "exit": int(ExitCode.DONE),

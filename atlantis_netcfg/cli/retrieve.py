@@ -303,7 +303,6 @@ def _tell(opened: CommandSession, program: RetrievalProgram, status: RetrievalSt
 
 
 def _say(opened: CommandSession, program: RetrievalProgram, lines: Sequence[str], data: dict[str, object]) -> None:
-
     from atlantis_netcfg.core import printable
 
     if opened.as_json:

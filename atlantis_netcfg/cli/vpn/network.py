@@ -86,7 +86,6 @@ def run_vpn_install(arguments: Arguments) -> ExitCode:
 
 
 def _installed(opened: CommandSession) -> ExitCode:
-
     from atlantis_netcfg.cli._consent import agreed
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.cli.vpn import _common
