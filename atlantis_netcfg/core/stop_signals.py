@@ -70,10 +70,10 @@ def _hold(_number: int, _frame: FrameType | None) -> None:
     """Go on: unlike an ignored signal it is not inherited by the programs that we start."""
 
 
-def _repeat_lost_stop(before: Callable[[Any], object], lost: Any) -> None:  # noqa: ANN401 - sys.UnraisableHookArgs
+def _repeat_lost_stop(before: Callable[[Any], object], unraisable: Any) -> None:  # noqa: ANN401 - sys.UnraisableHookArgs
     """Send a stop again that came where Python cannot raise it, in a callback of an import or of garbage collection."""
-    if not (isinstance(lost.exc_value, KeyboardInterrupt) and lost.exc_value.args):
-        before(lost)
+    if not (isinstance(unraisable.exc_value, KeyboardInterrupt) and unraisable.exc_value.args):
+        before(unraisable)
         return
-    number = signal.Signals[lost.exc_value.args[0]]
+    number = signal.Signals[unraisable.exc_value.args[0]]
     threading.Timer(_REPEAT_S, os.kill, (os.getpid(), number)).start()

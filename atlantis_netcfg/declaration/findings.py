@@ -41,7 +41,7 @@ class Finding:
     @classmethod
     def at(cls, mark: Mark, message: str, hint: str) -> Finding:
         """An error at a place; what was typed is shortened where it is long."""
-        return cls(mark.file, mark.line, mark.column, _shortened(message), _shortened(hint))
+        return cls(mark.file, mark.line, mark.column, _shorten(message), _shorten(hint))
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}: {self.message}"
@@ -51,7 +51,7 @@ _LONGEST = 400
 MOST_SHOWN = 50
 
 
-def _shortened(text: str) -> str:
+def _shorten(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[-_LONGEST // 2 :]}"
 
 

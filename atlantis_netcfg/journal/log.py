@@ -98,10 +98,10 @@ def parse(data: bytes) -> Log:
     damage: list[str] = []
     previous, has_checksums = {b""}, False
     for number, text in enumerate(lines, start=1):
-        stored = _stored_checksum(text)
-        has_checksums = has_checksums or bool(stored)
-        computed = {_checksum(each, text[:-_SUM_LENGTH] if has_checksums else text) for each in previous}
-        is_intact = stored in computed or not has_checksums
+        own_checksum = _stored_checksum(text)
+        has_checksums = has_checksums or bool(own_checksum)
+        candidates = {_checksum(each, text[:-_SUM_LENGTH] if has_checksums else text) for each in previous}
+        is_intact = own_checksum in candidates or not has_checksums
         entry = _entry(text) if is_intact else None
         if entry is None:
             device = _DEVICE.search(text)
@@ -110,7 +110,7 @@ def parse(data: bytes) -> Log:
         else:
             entries.append(entry)
         # Of a damaged line either the text or the checksum may be what was written.
-        previous = computed if is_intact else {*computed, stored}
+        previous = candidates if is_intact else {*candidates, own_checksum}
     return Log(tuple(entries), tuple(damage), bool(torn), next(iter(previous)))
 
 
