@@ -180,7 +180,7 @@ class Run:
     @property
     def damage(self) -> str:
         """What is damaged in its journal, for a person; empty if nothing is."""
-        return f"the journal of run {self.id} is damaged: {', '.join(self.log.damage)}" if self.log.damage else ""
+        return str(self.damage_error("")) if self.log.damage else ""
 
     def damage_error(self, hint: str) -> StateDamaged:
         """The error for who needs what may be lost."""

@@ -82,8 +82,8 @@ def hosts_to_restore(run: Run, hosts: Sequence[Host], *, named: bool) -> tuple[H
     """
     saved = tuple(host for host in hosts if run.before(host.name) is not None)
     known = run.started.hosts if run.started is not None else [host.name for host in hosts]
-    unknown_names = {*known} - {host.name for host in saved} - run.settled
-    unknown = [host.name for host in hosts if host.name in unknown_names]
+    settled = run.settled
+    unknown = [host.name for host in hosts if host not in saved and host.name in known and host.name not in settled]
     rest = ",".join(host.name for host in saved)
     hint = "take another run: `provision runs` lists them"
     if rest:
