@@ -1,12 +1,13 @@
 """Stop signals of one command line: Ctrl-C, `kill` and a terminal that is closed.
 
-From `take` to `ignore` a signal raises KeyboardInterrupt, so that the command settles and tells what is known. Once the
-result is known, `ignore` lets it be printed whole: a stop would change nothing but the last words.
+From `take` to `ignore` a signal raises KeyboardInterrupt, so that the command settles and tells what is known. While a
+module is imported it waits until the module is there: extension modules panic, or make another error of it, when their
+imports are interrupted. Once the result is known, `ignore` lets it be printed whole: a stop would change nothing but
+the last words.
 """
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import threading
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _REPEAT_S = 0.01
-
+"""How soon a stop that could not be raised is tried again."""
 
 _pending: list[str] = []
 
@@ -49,6 +50,7 @@ def handlers() -> dict[int, Any]:
 def restore(before: Mapping[int, Any]) -> None:
     """Let them be answered as before."""
     if threading.current_thread() is threading.main_thread():
+        signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -56,14 +58,36 @@ def restore(before: Mapping[int, Any]) -> None:
 def ignore() -> None:
     """Let the command end as its result says."""
     if threading.current_thread() is threading.main_thread():
+        signal.setitimer(signal.ITIMER_REAL, 0)
         for number in STOP_SIGNALS:
             if signal.getsignal(number) is _stop:
                 signal.signal(number, _hold)
 
 
-def _stop(number: int, _frame: FrameType | None) -> None:
+def _stop(number: int, frame: FrameType | None) -> None:
     _pending.append(signal.Signals(number).name)
-    raise KeyboardInterrupt(signal.Signals(number).name)
+    _raise_or_wait(number, frame)
+
+
+def _raise_or_wait(_number: int, frame: FrameType | None) -> None:
+    if _is_importing(frame):
+        _repeat()
+        return
+    raise KeyboardInterrupt(_pending[0])
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _repeat() -> None:
+    """Try again soon. By the kernel's timer: a thread cannot be started where `threading` itself was interrupted."""
+    signal.signal(signal.SIGALRM, _raise_or_wait)
+    signal.setitimer(signal.ITIMER_REAL, _REPEAT_S)
 
 
 def _hold(_number: int, _frame: FrameType | None) -> None:
@@ -71,9 +95,8 @@ def _hold(_number: int, _frame: FrameType | None) -> None:
 
 
 def _repeat_lost_stop(before: Callable[[Any], object], unraisable: Any) -> None:  # noqa: ANN401 - sys.UnraisableHookArgs
-    """Send a stop again that came where Python cannot raise it, in a callback of an import or of garbage collection."""
-    if not (isinstance(unraisable.exc_value, KeyboardInterrupt) and unraisable.exc_value.args):
+    """Raise a stop again that came where Python cannot raise it, in a callback of garbage collection."""
+    if isinstance(unraisable.exc_value, KeyboardInterrupt) and unraisable.exc_value.args:
+        _repeat()
+    else:
         before(unraisable)
-        return
-    number = signal.Signals[unraisable.exc_value.args[0]]
-    threading.Timer(_REPEAT_S, os.kill, (os.getpid(), number)).start()

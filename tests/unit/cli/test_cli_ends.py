@@ -1,5 +1,6 @@
 """Every way in which a command line can end."""
 
+import importlib
 import io
 import json
 import os
@@ -7,6 +8,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -91,6 +93,23 @@ def test_ctrl_c_is_told_in_words(
 ) -> None:
     assert main(line, table=Table(monkeypatch, raising(KeyboardInterrupt()))) == code
     assert capsys.readouterr().err.startswith("error: stopped by Ctrl-C")
+
+
+def test_a_stop_during_an_import_is_raised_once_the_module_is_there(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "slow_to_load.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(0.05)\nis_whole = True\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def act(_arguments: Arguments) -> ExitCode:
+        assert importlib.import_module("slow_to_load").is_whole
+        time.sleep(HANG_S)
+        return ExitCode.DONE
+
+    assert main(LINE, table=Table(monkeypatch, act)) == ExitCode.UNKNOWN
+    assert capsys.readouterr().err.startswith("error: stopped by SIGTERM")
 
 
 def test_nothing_typed_is_answered_with_the_help(capsys: pytest.CaptureFixture[str]) -> None:
