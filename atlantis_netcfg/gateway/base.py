@@ -39,7 +39,7 @@ from atlantis_netcfg.gateway.parts import (
     WayIn,
     computer_network,
 )
-from atlantis_netcfg.gateway.reflector import QUALIFY_SECRET, far_end, reflector
+from atlantis_netcfg.gateway.reflector import QUALIFY_SECRET, far_end, measured_at, reflector
 from atlantis_netcfg.gateway.retrieval import packages as retrieval_packages
 from atlantis_netcfg.gateway.retrieval import retrieval
 from atlantis_netcfg.render import environment
@@ -238,11 +238,8 @@ def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan
             yield OpenPort(offered.name, offered.transport, offered.port, everybody)
     if device.vpn_address is not None:
         yield OpenPort("checklists of other sites", Transport.UDP, REFLECTOR_PORT, (str(vpn.infrastructure),))
-    if (qualify := declaration.pilot.qualify) is not None:
-        near = _collapsed((lan, declaration.sites[declaration.hosts[host].site].management.network, vpn.infrastructure))
-        yield OpenPort(
-            "measurements", Transport.UDP, qualify.port, ("0.0.0.0/0",) if host == qualify.reflector else near
-        )
+    if (qualify := measured_at(host, declaration.pilot)) is not None:
+        yield OpenPort("measurements", Transport.UDP, qualify.port, ("0.0.0.0/0",))
     if device.ros1_bridge is not None:
         yield OpenPort("ROS 1", Transport.TCP, _EPHEMERAL, (f"{device.ros1_bridge.master}/32",))
     yield from _streams(declaration, host, lan)
@@ -366,14 +363,14 @@ def gateway_base(
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         )
         .joined(reflector(host))
-        .joined(far_end(declaration.pilot.qualify))
+        .joined(far_end(host.name, declaration.pilot))
         .joined(hosted.services(host.device, images))
         .joined(retrieval(declaration, host, rehearsed=rehearsed)),
         network=network,
         secrets=air.secrets,
         own_secret=None if air.opened is None else air.opened.placeholder,
         service_secrets=hosted.secret_words(host.device),
-        qualify_secret=None if declaration.pilot.qualify is None else QUALIFY_SECRET,
+        qualify_secret=None if measured_at(host.name, declaration.pilot) is None else QUALIFY_SECRET,
     )
 
 

@@ -4,8 +4,8 @@ One answers the checklists of the other computers: it is bound to the address in
 only the pilot's own computers come to it (`gateway.base`). It shows that data arrive and come back, not that any
 program of a partner works.
 
-The other is the far end of measured links, the folder `qualify/reflector` as it is: it answers who has the key. At the
-control centre that `pilot.qualify` names it is open to everybody, since each link has another public address.
+The other is the far end of measured links, the folder `qualify/reflector` as it is: it answers who has the key. It runs
+on the control centre alone that `pilot.qualify` names, open to everybody, since each link has another public address.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Host
-    from atlantis_netcfg.declaration.model import Qualify
+    from atlantis_netcfg.declaration.model import Pilot, Qualify
 
 SERVICE = "atlantis-reflector.service"
 PROGRAM = "/usr/local/lib/atlantis/reflector.py"
@@ -59,14 +59,20 @@ def reflector(host: Host) -> Configuration:
     )
 
 
-def far_end(qualify: Qualify | None) -> Configuration:
-    """Pure. What answers the test packets of measured links; where none is declared: what is taken away."""
+def measured_at(host: str, pilot: Pilot) -> Qualify | None:
+    """Give what is declared of measured links if this computer is their far end."""
+    return pilot.qualify if pilot.qualify is not None and pilot.qualify.reflector == host else None
+
+
+def far_end(host: str, pilot: Pilot) -> Configuration:
+    """Pure. What answers the test packets of measured links; of another computer: what is taken away."""
     away = _taken_away("take the far end of measured links away", QUALIFY_SERVICE)
+    qualify = measured_at(host, pilot)
     if qualify is None:
         return Configuration(absent=(_QUALIFY_UNIT, QUALIFY_KEY), only=(QUALIFY_FOLDER,), steps=(away,))
     unit = _unit(
         title="far end of measured links",
-        command=f"/usr/bin/python3 -s -B -m {_PACKAGE} --port {qualify.port} --key-file -",
+        command=f"/usr/bin/python3 -s -B -m {_PACKAGE} --name {host} --port {qualify.port} --key-file -",
         folder=QUALIFY_FOLDER,
         key=QUALIFY_KEY,
         privileged=qualify.port < _PRIVILEGED_PORT,

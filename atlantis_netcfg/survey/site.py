@@ -13,6 +13,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import Gateway
 from atlantis_netcfg.emulator.coverage import out_and_back, two_masts
 from atlantis_netcfg.operations.computers._access import computer_access
+from atlantis_netcfg.operations.qualify.far_end import key_of
 from atlantis_netcfg.operations.vpn.link import ssh_command
 from atlantis_netcfg.qualify.session import ReflectorPeer
 from atlantis_netcfg.qualify.transport import UdpTransport
@@ -113,7 +114,7 @@ class SiteSurvey:
                 hint="declare `qualify:` in group_vars/all/pilot.yml, or type `--radio-only`, which sends nothing",
             )
         address = str(far.address or self.declaration.pilot.vpn.endpoint)
-        return address, far.port, far.key.reveal().encode()
+        return address, far.port, key_of(far)
 
     def running(
         self, stack: ExitStack, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]

@@ -22,7 +22,7 @@ class ThresholdsName(StrEnum):
 
 
 class Qualify(Model):
-    """Who answers the test packets of `provision qualify`: a program of ours, on this host and on every gateway."""
+    """Who answers the test packets of `provision qualify`: a program of ours, on this host alone."""
 
     reflector: HostName
     """The control centre that is the far end of every link."""

@@ -15,13 +15,13 @@ from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.declaration.model import ServerComputer, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import admits, allowed, far_end
 from atlantis_netcfg.qualify.measured_run import Selection
-from atlantis_netcfg.qualify.reflector.stamp import PORT
+from atlantis_netcfg.qualify.reflector.stamp import PORT, reflector_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.declaration.model import Bearer, Qualify
 
 
 class NothingToQualify(NothingMatched):
@@ -87,8 +87,12 @@ def far_end_of(declaration: Declaration, *, over_vpn: bool, other: str | None = 
         if inside is None:
             raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="leave `over=vpn` out")
         address = inside
-    key = qualify.key.reveal().encode().strip()
-    return MeasuredFarEnd(qualify.reflector, str(address), qualify.port, key)
+    return MeasuredFarEnd(qualify.reflector, str(address), qualify.port, key_of(qualify))
+
+
+def key_of(qualify: Qualify) -> bytes:
+    """Give the key of the declared far end."""
+    return reflector_key(qualify.key.reveal().encode().strip(), qualify.reflector)
 
 
 def _named(declaration: Declaration, text: str, *, over_vpn: bool) -> MeasuredFarEnd:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from .answering import Reflector
 from .clock import ClockState, kernel_clock
-from .stamp import MIN_KEY_SIZE, PORT
+from .stamp import MIN_KEY_SIZE, PORT, reflector_key
 
 _SO_TIMESTAMPNS = 35
 _IP_RECVTTL = 12
@@ -148,16 +148,20 @@ def main(words: list[str] | None = None) -> int:
     who = parser.add_mutually_exclusive_group(required=True)
     who.add_argument("--key-file", type=Path, help="only who has this key is answered; `-`: standard input")
     who.add_argument("--unauthenticated", action="store_true", help="answer anybody: for testers of others")
+    parser.add_argument("--name", help="what this reflector is called where its key is shared with others")
     arguments = parser.parse_args(words)
     key = None if arguments.unauthenticated else _key(arguments.key_file)
     if key is not None and len(key) < MIN_KEY_SIZE:
         parser.error("the key in {} has fewer than {} octets".format(arguments.key_file, MIN_KEY_SIZE))  # noqa: UP032
-    reflector = Reflector(
-        key,
-        rate_bps=arguments.rate_mbps * 1e6,
-        clock=(lambda: ClockState(True, arguments.clock_error_s)) if arguments.synchronised else kernel_clock,
-    )
+    if key is not None and arguments.name is not None:
+        key = reflector_key(key, arguments.name)
     with open_socket(arguments.address, arguments.port) as opened:
+        reflector = Reflector(
+            key,
+            port=opened.getsockname()[1],
+            rate_bps=arguments.rate_mbps * 1e6,
+            clock=(lambda: ClockState(True, arguments.clock_error_s)) if arguments.synchronised else kernel_clock,
+        )
         asyncio.run(_until_ended(opened, reflector))
     print(reflector.statistics, file=sys.stderr)  # noqa: T201
     return 0

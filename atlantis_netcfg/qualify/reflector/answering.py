@@ -1,15 +1,16 @@
 """What a reflector answers: a stateful Session-Reflector (RFC 8762, 4.3.1), without sockets and clocks of its own.
 
 An answer is never longer than its request, and no source gets more than its rate, so nobody can use it as an amplifier.
-With a key nothing is answered that is not authenticated, and nothing twice. A session is known by its identifier
-(RFC 8972), not by its address: a 4G provider's NAT gives a session another port after each long gap.
+With a key nothing is answered that is not authenticated, nothing twice, and nothing that was sent too long ago. Nothing
+is answered that a reflector has sent, so no forged packet lets two of them answer each other. A session is known by its
+identifier (RFC 8972), not by its address: a 4G provider's NAT gives a session another port after each long gap.
 
 A message that is requested, to measure the way from here, is longer than its request. It goes only to who has the key,
 and only to an address that shows the token which it got from this start of the reflector. So neither a recording of an
 earlier start nor a request that comes from another address brings more than its own length.
 
-What cannot be told apart: after a restart the reflector has forgotten every session, so a recording of an older one is
-answered once more, at most at its source's rate.
+What cannot be told apart: after a restart the reflector has forgotten every session, so a recording that is not yet too
+old, or any while this clock is not synchronised, is answered once more, at most at its source's rate.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from .clock import UNKNOWN, ClockState
 from .stamp import (
     CHUNK,
     COUNTERS,
+    MISSING,
     PADDING,
+    PORT,
     REQUEST,
     TOKEN_SIZE,
     UNRECOGNISED,
@@ -41,13 +44,22 @@ from .stamp import (
     chunk_room,
     decode_sender,
     error_estimate,
+    error_s,
+    is_synchronised,
     ntp,
+    unix_ns,
 )
 
 Source = Tuple[str, int]
 _SESSIONS = 256
 _SOURCES = 1024
 _MESSAGES = 64
+_CHUNKS = 1 << 18
+"""How many chunks the messages of a session have together: a bit is kept for each."""
+_FRESH_S = 60.0
+"""How old a packet of a synchronised sender is at most: the longest gap of a link is shorter, no queue is longer."""
+_FRESH_UNSYNCHRONISED_S = 86_400.0
+"""The same of a sender whose clock nothing disciplines: such a laptop is off by minutes, after years by hours."""
 _WINDOW = 8192
 """How far behind the newest packet of a session an older one is still answered."""
 _IDLE_NS = 900 * 1_000_000_000
@@ -67,6 +79,8 @@ class Statistics:
     answered: int = 0
     refused: int = 0
     """Not authenticated, or no packet of STAMP."""
+    stale: int = 0
+    """Sent too long ago, or by a clock that is ahead."""
     replayed: int = 0
     limited: int = 0
     requested: int = 0
@@ -78,6 +92,8 @@ class _PartialMessage:
     count: int
     have: int = 0
     """A bit for each chunk."""
+    chunks: int = 0
+    """How many bits are set."""
     size: int = 0
     first: int = 0
     last: int = 0
@@ -146,8 +162,9 @@ class _Sending:
 class Reflector:
     """Answers datagrams; whoever holds the socket asks it for each.
 
-    `rate_bps` bounds what one source address is sent. `clock` is asked for each answer how this computer's clock is:
-    what is not known is not said to be synchronised.
+    `rate_bps` bounds what one source address is sent, and what one session is. `port` is its own: what comes from it,
+    or from that of STAMP, was sent by a reflector. `clock` is asked for each answer how this computer's clock is: what
+    is not known is not said to be synchronised.
     """
 
     def __init__(
@@ -155,17 +172,20 @@ class Reflector:
         key: bytes | None,
         *,
         rate_bps: float = 50e6,
+        port: int = PORT,
         clock: Callable[[], ClockState] = lambda: UNKNOWN,
     ) -> None:
         self.statistics = Statistics()
         self._key = key
         self._rate = rate_bps / 8
         self._burst = max(self._rate * _BURST_S, _LEAST_BURST)
+        self._reflector_ports = {PORT, port}
         self._clock = clock
         self._sessions: OrderedDict[object, _TestSession] = OrderedDict()
         self._ended: dict[int, int] = {}
         """For each identifier of an authenticated session that is forgotten: its sender's newest timestamp."""
-        self._tokens: OrderedDict[str, tuple[float, int]] = OrderedDict()
+        self._tokens: OrderedDict[str | int, tuple[float, int]] = OrderedDict()
+        """Of source addresses and of session identifiers."""
         self._sendings: list[_Sending] = []
         self._secret = secrets.token_bytes(32)
 
@@ -180,12 +200,11 @@ class Reflector:
             return None
         packet = received.packet
         session = self._session(packet, source, received_ns)
-        if session is None or not self._admitted(session, packet):
-            self.statistics.replayed += 1
+        if session is None:
             return None
         # A chunk that wants no answer costs nothing of what a source may be sent.
         is_answered = received.chunk is None or received.chunk.acknowledge
-        if is_answered and self._wait_ns(source[0], len(datagram), received_ns):
+        if is_answered and self._wait_ns((source[0], packet.session_id), len(datagram), received_ns):
             session.limited += 1
             self.statistics.limited += 1
             return None
@@ -201,7 +220,19 @@ class Reflector:
         self.statistics.answered += 1
         return reply
 
+    def _is_stale(self, packet: SenderPacket, now: int) -> bool:
+        """Whether it was sent too long ago, as far as both clocks can tell."""
+        clock = self._clock()
+        if self._key is None or not clock.synchronised:
+            return False
+        fresh_s = clock.error_s + (
+            _FRESH_S + error_s(packet.error) if is_synchronised(packet.error) else _FRESH_UNSYNCHRONISED_S
+        )
+        return abs(now - unix_ns(packet.timestamp, packet.error)) > min(fresh_s, _FRESH_UNSYNCHRONISED_S) * 1e9
+
     def _decoded(self, datagram: bytes, source: Source, at_ns: int, ttl: int) -> _ReceivedPacket:
+        if source[1] in self._reflector_ports:
+            raise BadPacket("it comes from the port of a reflector")
         packet = decode_sender(datagram, self._key)
         chunk = next((MessageChunk.decode(tlv.value) for tlv in packet.tlvs if tlv.type == CHUNK), None)
         requests = (tlv.value for tlv in packet.tlvs if tlv.type == REQUEST and self._key is not None)
@@ -217,6 +248,17 @@ class Reflector:
         return _answers(received.packet.tlvs, session)
 
     def _session(self, packet: SenderPacket, source: Source, now: int) -> _TestSession | None:
+        """Give the session of a packet that is to be answered; None: of another, which is counted."""
+        if self._is_stale(packet, now):
+            self.statistics.stale += 1
+            return None
+        session = self._known_session(packet, source, now)
+        if session is None or not self._admitted(session, packet):
+            self.statistics.replayed += 1
+            return None
+        return session
+
+    def _known_session(self, packet: SenderPacket, source: Source, now: int) -> _TestSession | None:
         name: object = (source, packet.session_id) if self._key is None else packet.session_id
         self._forget(now)
         session = self._sessions.get(name)
@@ -250,13 +292,16 @@ class Reflector:
         session.duplicates += counts
         return self._key is None
 
-    def _wait_ns(self, address: str, size: int, now: int) -> int:
-        """Take so much of what a source may have; else say how long it has to wait for it."""
-        tokens, since = self._tokens.pop(address, (self._burst, now))
-        tokens = min(self._burst, tokens + (now - since) / 1e9 * self._rate)
-        missing = size - tokens
-        self._tokens[address] = (tokens if missing > 0 else tokens - size, max(now, since))
-        if len(self._tokens) > _SOURCES:
+    def _wait_ns(self, owners: tuple[str | int, ...], size: int, now: int) -> int:
+        """Take so much of what a source and a session may have; else say how long they have to wait for it."""
+        left = {}
+        for owner in owners:
+            tokens, since = self._tokens.pop(owner, (self._burst, now))
+            left[owner] = min(self._burst, tokens + (now - since) / 1e9 * self._rate), max(now, since)
+        missing = size - min(tokens for tokens, _ in left.values())
+        for owner, (tokens, since) in left.items():
+            self._tokens[owner] = (tokens if missing > 0 else tokens - size, since)
+        while len(self._tokens) > _SOURCES:
             self._tokens.popitem(last=False)
         return int(missing / self._rate * 1e9) + 1 if missing > 0 else 0
 
@@ -291,21 +336,22 @@ class Reflector:
         request, session = sending.request, sending.session
         octets = request.chunk_octets(sending.index)
         size = request.packet - chunk_room(request.packet, authenticated=True) + octets
-        wait = self._wait_ns(sending.received.source[0], size, now)
+        received = sending.received
+        wait = self._wait_ns((received.source[0], received.packet.session_id), size, now)
         if wait:
             sending.due_ns = now + wait
             return None
         data = secrets.token_bytes(octets)
         chunk = MessageChunk(request.message, request.message_size, sending.index, request.chunks, False, data)
         tlvs = (Tlv(CHUNK, chunk.encode(), 0),)
-        reply = self._reply(session, sending.received, tlvs, now)
+        reply = self._reply(session, received, tlvs, now)
         session.sequence += 1
         session.requested[request.message] = session.requested.get(request.message, 0) + 1
         if len(session.requested) > _MESSAGES:
             session.requested.popitem(last=False)
         self.statistics.requested += 1
         self._advance(sending, size, now)
-        return reply.encode(self._key), sending.received.source
+        return reply.encode(self._key), received.source
 
     def _advance(self, sending: _Sending, size: int, now: int) -> None:
         """Go on to its next chunk. What would outlast the memory of its session is given up."""
@@ -322,11 +368,13 @@ class Reflector:
     def _keep(self, session: _TestSession, chunk: MessageChunk, received_ns: int) -> bool:
         """Note a chunk; whether it wants an answer."""
         message = session.messages.setdefault(chunk.message, _PartialMessage(chunk.count))
-        if len(session.messages) > _MESSAGES:
-            session.messages.popitem(last=False)
+        kept = sum(each.count for each in session.messages.values())
+        while len(session.messages) > _MESSAGES or kept > _CHUNKS:
+            kept -= session.messages.popitem(last=False)[1].count
         bit = 1 << chunk.index
         if chunk.data and not message.have & bit and chunk.count == message.count:
             message.have |= bit
+            message.chunks += 1
             message.size += len(chunk.data)
             message.last = ntp(received_ns)
             message.first = message.first or message.last
@@ -354,8 +402,13 @@ def _wants_counters(packet: SenderPacket) -> bool:
 
 def _acknowledgement(session: _TestSession, chunk: MessageChunk) -> Tlv:
     message = session.messages.get(chunk.message, _PartialMessage(chunk.count))
-    missing = [index for index in range(message.count) if not message.have >> index & 1]
-    value = Acknowledgement(chunk.message, message.size, len(missing), message.first, message.last, tuple(missing[:16]))
+    missing = (1 << message.count) - 1 & ~message.have
+    indexes: list[int] = []
+    while missing and len(indexes) < MISSING:
+        indexes.append((missing & -missing).bit_length() - 1)
+        missing &= missing - 1
+    lacking = message.count - message.chunks
+    value = Acknowledgement(chunk.message, message.size, lacking, message.first, message.last, tuple(indexes))
     return Tlv(CHUNK, value.encode(), 0)
 
 

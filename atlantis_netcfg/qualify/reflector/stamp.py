@@ -2,7 +2,8 @@
 
 Authenticated packets carry HMAC-SHA-256, truncated to 16 octets, over their first 96 octets (RFC 8762, 4.4). TLVs
 other than padding are protected by an HMAC TLV of their own: over the sequence number and the TLVs before it (RFC
-8972, 4.8). Types 252 to 254 are for private use (RFC 8972, 5.1): only our reflector knows what they are.
+8972, 4.8). Each direction has a key of its own, made of the shared one: what a reflector answers is a request to no
+reflector. Types 252 to 254 are for private use (RFC 8972, 5.1): only our reflector knows what they are.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import hmac
 import math
 import struct
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Tuple
 
 PORT = 862
@@ -46,13 +48,16 @@ _ACKNOWLEDGEMENT = struct.Struct(">IIHHQQ")
 _REQUEST = struct.Struct(">IIHHHxxI16s")
 _STATUS = struct.Struct(">IHxxI8x16s")
 _MOST_CHUNKS = 0xFFFF
-_MISSING = 16
+_MOST_TLVS = 64
+_MOST_RESIDENCE = 60 << 32
+"""In NTP's units: no reflector keeps a packet for longer."""
+MISSING = 16
 """How many missing chunks an acknowledgement names at most."""
 
 TLV_SIZE = _TLV.size
 HMAC_TLV_SIZE = TLV_SIZE + _HMAC_SIZE
 CHUNK_HEADER_SIZE = TLV_SIZE + _CHUNK.size
-ACKNOWLEDGEMENT_SIZE = TLV_SIZE + _ACKNOWLEDGEMENT.size + 2 * _MISSING
+ACKNOWLEDGEMENT_SIZE = TLV_SIZE + _ACKNOWLEDGEMENT.size + 2 * MISSING
 """The longest one."""
 REQUEST_SIZE = TLV_SIZE + _REQUEST.size
 """Of a `MessageRequest`, and of the `RequestStatus` that answers it."""
@@ -133,7 +138,7 @@ class SenderPacket:
         """Give its bytes, authenticated where there is a key."""
         form = _SENDER if key is None else _SENDER_AUTHENTICATED
         base = form.pack(self.sequence, self.timestamp, self.error, self.session_id)
-        return _sealed(base, self.tlvs, key)
+        return _sealed(base, self.tlvs, _directed(key, b"request"))
 
 
 @dataclass(frozen=True)
@@ -165,18 +170,22 @@ class ReflectorPacket:
             self.sender_error,
             self.sender_ttl,
         )
-        return _sealed(base, self.tlvs, key)
+        return _sealed(base, self.tlvs, _directed(key, b"answer"))
 
 
 def decode_sender(data: bytes, key: bytes | None = None) -> SenderPacket:
     """Read a request. BadPacket."""
+    key = _directed(key, b"request")
     form, body = _opened(data, key, _SENDER, _SENDER_AUTHENTICATED)
     sequence, timestamp, error, session_id = form.unpack_from(data)
+    if key is None and _is_answer(data):
+        raise BadPacket("it is what a reflector has answered")
     return SenderPacket(sequence, timestamp, error, session_id, _tlvs(data[:4], body, key))
 
 
 def decode_reflector(data: bytes, key: bytes | None = None) -> ReflectorPacket:
     """Read an answer. BadPacket."""
+    key = _directed(key, b"answer")
     form, body = _opened(data, key, _REFLECTOR, _REFLECTOR_AUTHENTICATED)
     return replace(ReflectorPacket(*form.unpack_from(data)), tlvs=_tlvs(data[:4], body, key))
 
@@ -263,7 +272,7 @@ class Acknowledgement:
 
     def encode(self) -> bytes:
         """As the value of a TLV."""
-        named = self.indexes[:_MISSING]
+        named = self.indexes[:MISSING]
         head = _ACKNOWLEDGEMENT.pack(self.message, self.size, self.missing, len(named), self.first, self.last)
         return head + struct.pack(f">{len(named)}H", *named)
 
@@ -354,6 +363,24 @@ def chunk_room(packet: int, *, authenticated: bool) -> int:
     return packet - extended_size(authenticated=authenticated) - CHUNK_HEADER_SIZE
 
 
+def reflector_key(key: bytes, reflector: str) -> bytes:
+    """Give the key of one of the reflectors that share a secret, as text: a request to one is none to another."""
+    return hmac.digest(key, b"STAMP reflector " + reflector.encode(), "sha256").hex().encode()
+
+
+@lru_cache(maxsize=64)
+def _directed(key: bytes | None, direction: bytes) -> bytes | None:
+    return None if key is None else hmac.digest(key, b"STAMP " + direction, "sha256")
+
+
+def _is_answer(data: bytes) -> bool:
+    """Whether a packet without a key is a reflector's: a request has no time of receipt shortly before its stamp."""
+    timestamp: int
+    received: int
+    _, timestamp, _, _, received, *_ = _REFLECTOR.unpack_from(data)
+    return 0 < received <= timestamp < received + _MOST_RESIDENCE
+
+
 def _digest(key: bytes, data: bytes) -> bytes:
     return hmac.digest(key, data, "sha256")[:_HMAC_SIZE]
 
@@ -384,14 +411,14 @@ def _opened(
 
 def _tlvs(sequence: bytes, body: bytes, key: bytes | None) -> Tlvs:
     """Read TLVs; the HMAC TLV is verified and left out. Octets that are no TLVs (TWAMP pads so) end the list."""
-    found = []
+    found: list[Tlv] = []
     place = 0
     protected = key is None
     while place < len(body):
         if len(body) - place < TLV_SIZE:
             break
         flags, kind, length = _TLV.unpack_from(body, place)
-        value = body[place + TLV_SIZE :][:length]
+        value = body[place + TLV_SIZE : place + TLV_SIZE + length]
         if not kind or len(value) != length:
             break
         if kind == HMAC_TLV and key is not None:
@@ -399,6 +426,8 @@ def _tlvs(sequence: bytes, body: bytes, key: bytes | None) -> Tlvs:
                 raise BadPacket("the HMAC of its extensions is wrong")
             protected = True
             break
+        if len(found) == _MOST_TLVS:
+            raise BadPacket("it has more than 64 extensions")
         found.append(Tlv(kind, value, flags))
         place += TLV_SIZE + length
     if not protected and any(tlv.type != PADDING for tlv in found):

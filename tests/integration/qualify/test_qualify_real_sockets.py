@@ -145,7 +145,7 @@ def test_the_program_ends_in_order_and_says_what_it_refused(tmp_path: Path) -> N
         process.terminate()
         _, said = process.communicate(timeout=HANG_S)
     assert process.returncode == 0
-    assert said == "Statistics(answered=6, refused=1, replayed=0, limited=0, requested=0)\n"
+    assert said == "Statistics(answered=6, refused=1, stale=0, replayed=0, limited=0, requested=0)\n"
 
 
 @pytest.mark.parametrize("key", ["short", None])

@@ -17,6 +17,7 @@ from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.lte.units import emulated_units
+from atlantis_netcfg.operations.qualify.far_end import key_of
 from atlantis_netcfg.qualify.reflector.__main__ import answer_waiting, open_socket
 from atlantis_netcfg.qualify.reflector.answering import Reflector
 from atlantis_netcfg.survey.measure import SurveyPlan
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 def far_end() -> Iterator[Declaration]:
     """The reflector in a thread, and an inventory that names it."""
     assert DECLARATION.pilot.qualify is not None
-    reflector = Reflector(DECLARATION.pilot.qualify.key.reveal().encode())
+    reflector = Reflector(key_of(DECLARATION.pilot.qualify))
     end = threading.Event()
     with open_socket("127.0.0.1", 0) as opened:
         port = opened.getsockname()[1]

@@ -25,6 +25,7 @@ from atlantis_netcfg.qualify.grids import train_bytes
 from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.qualify.record import make_record
+from atlantis_netcfg.qualify.reflector.stamp import reflector_key
 from atlantis_netcfg.qualify.samples import Sample, StreamEnded, TrainBegan
 from atlantis_netcfg.qualify.search import RateLimit
 from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan
@@ -216,7 +217,7 @@ def test_the_links_that_a_person_means() -> None:
 
 
 def test_the_far_end_is_the_public_address_or_that_in_the_vpn() -> None:
-    key = b"EXAMPLE-key-of-the-far-end"
+    key = reflector_key(b"EXAMPLE-key-of-the-far-end", "scc-control")
     assert far_end_of(DECLARED, over_vpn=False) == MeasuredFarEnd("scc-control", "203.0.113.2", 862, key)
     assert far_end_of(DECLARED, over_vpn=True) == MeasuredFarEnd("scc-control", "10.80.0.2", 862, key)
 

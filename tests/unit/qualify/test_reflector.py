@@ -1,12 +1,14 @@
 """What the reflector answers, and above all what it does not."""
 
 import random
+import tracemalloc
 
 import pytest
 from simulated_network import KEY, SECOND, SOURCE, START
 
 from atlantis_netcfg.qualify.reflector import stamp
 from atlantis_netcfg.qualify.reflector.answering import Reflector
+from atlantis_netcfg.qualify.reflector.clock import ClockState
 
 LAST = 900 * SECOND
 
@@ -14,7 +16,7 @@ LAST = 900 * SECOND
 class FarEnd:
     """A reflector and a clock."""
 
-    def __init__(self, key: bytes | None = KEY, **limits: float) -> None:
+    def __init__(self, key: bytes | None = KEY, **limits: object) -> None:
         self.key = key
         self.reflector = Reflector(key, **limits)  # type: ignore[arg-type] # its numbers
         self.now = START
@@ -40,6 +42,91 @@ class FarEnd:
 @pytest.fixture
 def far() -> FarEnd:
     return FarEnd()
+
+
+SYNCHRONISED = ClockState(True, 0.01)
+
+
+@pytest.mark.parametrize("key", [KEY, None])
+@pytest.mark.parametrize("port", [862, 40862])
+def test_a_forged_source_lets_no_two_reflectors_answer_each_other(key: bytes | None, port: int) -> None:
+    """Whatever port they listen at: at most two packets follow the forged one."""
+    first, second = FarEnd(key, port=port), FarEnd(key, port=port + 1)
+    forged = stamp.SenderPacket(1, stamp.ntp(START), 1, 5).encode(key)
+    packet, replies = first.raw(forged, ("198.51.100.2", port + 1)), 0
+    while packet is not None and replies < 10:
+        replies += 1
+        first, second = second, first
+        packet = first.raw(packet, ("198.51.100.1", 40000))
+    assert replies <= 2
+
+
+def test_what_comes_from_the_port_of_a_reflector_is_not_answered(far: FarEnd) -> None:
+    own = FarEnd(port=8862)
+    assert far.ask(0, source=("198.51.100.2", 862)) is None
+    assert own.ask(0, source=("198.51.100.2", 8862)) is None
+    assert own.ask(0, source=("198.51.100.2", 862)) is None
+    assert own.ask(0, source=("198.51.100.2", 8863)) is not None
+
+
+def test_a_packet_for_one_reflector_is_no_request_to_another() -> None:
+    centre, vessel = (FarEnd(stamp.reflector_key(KEY, name)) for name in ("scc-control", "te4sea-gateway"))
+    recorded = stamp.SenderPacket(1, stamp.ntp(START), 1, 5).encode(centre.key)
+    assert centre.raw(recorded) is not None
+    assert vessel.raw(recorded) is None
+
+
+@pytest.mark.parametrize(
+    ("age_s", "synchronised", "answered"),
+    [
+        (0, True, True),
+        (50, True, True),
+        (-50, True, True),
+        (70, True, False),
+        (-70, True, False),
+        (365 * 86400, True, False),
+        (3600, False, True),
+        (-3600, False, True),
+        (2 * 86400, False, False),
+    ],
+)
+def test_what_was_sent_too_long_ago_is_not_answered(age_s: int, *, synchronised: bool, answered: bool) -> None:
+    far, unknown = FarEnd(clock=lambda: SYNCHRONISED), FarEnd()
+    error = stamp.error_estimate(0.1, synchronised=synchronised)
+    recorded = stamp.SenderPacket(1, stamp.ntp(START - age_s * SECOND), error, 5).encode(KEY)
+    assert (far.raw(recorded) is not None) is answered
+    assert far.reflector.statistics.stale == (not answered)
+    assert unknown.raw(recorded) is not None, "a clock that is not synchronised cannot judge"
+
+
+def test_a_session_is_limited_from_however_many_addresses_it_comes() -> None:
+    far = FarEnd(None, rate_bps=8000)
+    size = stamp.padding(1000, authenticated=False)
+    sent = [far.ask(n, tlvs=size, source=(f"198.51.100.{n}", 4000)) is not None for n in range(100)]
+    assert sent.count(True) == 65
+    assert far.reflector.statistics.limited == 35
+
+
+def test_the_largest_message_costs_little_time_and_memory() -> None:
+    """As a count of work and not of time: 65,535 chunks were looked at one by one, and kept for each of 16,384."""
+    far = FarEnd()
+    tracemalloc.start()
+    for number in range(20_000):
+        chunk = stamp.MessageChunk(number, 0xFFFFFFFF, 0xFFFE, 0xFFFF, acknowledge=number % 100 == 0, data=b"x")
+        far.ask(number // 256, session=number % 256 + 1, tlvs=(stamp.Tlv(stamp.CHUNK, chunk.encode()),))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 32 << 20
+    reply = far.ask(5000, tlvs=(stamp.Tlv(stamp.CHUNK, stamp.MessageChunk(7, 9, 2, 4, True, bytes(60)).encode()),))
+    assert reply is not None
+    told = stamp.Acknowledgement.decode(reply.tlvs[0].value)
+    assert (told.missing, told.indexes) == (3, (0, 1, 3))
+
+
+def test_a_packet_of_many_extensions_is_refused(far: FarEnd) -> None:
+    few, many = ((stamp.Tlv(77, b""),) * count for count in (64, 65))
+    assert far.ask(0, tlvs=few) is not None
+    assert far.ask(1, tlvs=many) is None
 
 
 def test_an_answer_says_when_it_was_asked_and_numbers_itself(far: FarEnd) -> None:
