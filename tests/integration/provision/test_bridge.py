@@ -14,7 +14,7 @@ import pytest
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import SpawnedSite
-from atlantis_netcfg.journal import RunResumed, Store
+from atlantis_netcfg.journal import RunResumed, SiteLock, Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal, site_spec
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.site import perform
@@ -161,7 +161,9 @@ def _rows(export: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_somebody_at_the_other_site_stops_the_bridge_only(tmp_path: Path) -> None:
+def test_somebody_at_the_other_site_stops_the_bridge_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rehearsals are locked here as real runs are."""
+    monkeypatch.setattr(Store, "lock", lambda self, site, command: SiteLock(self.root / site / "lock", site, command))
     root, state = inventory(tmp_path, {}), tmp_path / "state"
     with (
         both(root, "coastal", "coastal-router", "coastal-cpe") as twins,

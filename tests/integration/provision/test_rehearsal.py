@@ -11,6 +11,7 @@ import pytest
 from quay import PROVISION
 
 from atlantis_netcfg.emulator.routeros import NOT_REHEARSED
+from atlantis_netcfg.journal import SiteLock
 from atlantis_netcfg.routeros.assumptions import unconfirmed
 
 ROUTERS = {"scc": "scc-router", "coastal": "coastal-router", "te4sea": "te4sea-router"}
@@ -38,9 +39,9 @@ def provision(state: Path, *typed: str, code: int, program: bool = False) -> sub
 @pytest.mark.slow
 @pytest.mark.parametrize("site", ROUTERS)
 def test_a_site_converges_and_the_second_pass_finds_nothing(site: str, tmp_path: Path) -> None:
-    told: dict[str, Any] = json.loads(
-        provision(tmp_path, f"site={site}", "--rehearse", "--yes", "--json", code=0, program=site == "coastal").stdout
-    )
+    typed = (f"site={site}", "--rehearse", "--yes", "--json")
+    with SiteLock(tmp_path / "rehearsal" / site / "lock", site, "a rehearsal of an earlier version"):
+        told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=0, program=site == "coastal").stdout)
     router = told["devices"][ROUTERS[site]]
     assert (told["site"], told["rehearsed"], told["exit"], told["errors"]) == (site, True, 0, [])
     assert router["status"] == "changed"

@@ -51,6 +51,12 @@ def watch(tmp_path: Path, listener: Listener) -> Watch:
     return Watch(SHIPPED, Request(state=tmp_path, rehearsed=True, events_fd=listener.writer), plan_only=False)
 
 
+@pytest.fixture
+def real_watch(tmp_path: Path, listener: Listener) -> Watch:
+    """Of a real run, which locks its site."""
+    return Watch(SHIPPED, Request(state=tmp_path, events_fd=listener.writer), plan_only=False)
+
+
 def outcome(listener: Listener) -> dict[str, Any]:
     (told,) = [one for one in listener.told() if one.get("devices")]
     result: dict[str, Any] = told["devices"][HOST]
@@ -172,8 +178,8 @@ def test_who_fell_silent_is_known_only_who_never_answered(
 
 
 def test_a_plan_locks_and_journals_nothing(tmp_path: Path, listener: Listener) -> None:
-    watch = Watch(SHIPPED, Request(state=tmp_path, rehearsed=True, events_fd=listener.writer), plan_only=True)
-    store = Store(tmp_path, rehearsed=True)
+    watch = Watch(SHIPPED, Request(state=tmp_path, events_fd=listener.writer), plan_only=True)
+    store = Store(tmp_path)
     with store.lock("coastal", "somebody else"):
         watch.begin([HOST])
         watch.started(HOST, "Configure")
@@ -189,11 +195,14 @@ def test_a_plan_locks_and_journals_nothing(tmp_path: Path, listener: Listener) -
     assert store.runs("coastal") == ()
 
 
-def test_a_site_on_which_somebody_works_is_refused_by_the_next_task(watch: Watch, tmp_path: Path) -> None:
-    with Store(tmp_path, rehearsed=True).lock("coastal", "provision site=coastal"):
-        watch.begin([HOST])
+def test_a_site_on_which_somebody_works_is_refused_by_the_next_task(
+    real_watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("atlantis_netcfg.operations.computers.parts.refuse_examples", lambda *_, **_named: None)
+    with Store(tmp_path).lock("coastal", "provision site=coastal"):
+        real_watch.begin([HOST])
     with pytest.raises(SiteBusy, match="provision site=coastal"):
-        ask(tmp_path, "computer_access", rehearsed=True)
+        ask(tmp_path, "computer_access")
 
 
 def test_a_run_is_recorded_with_the_code_that_needs_somebody_most(tmp_path: Path) -> None:
@@ -207,12 +216,12 @@ def test_a_run_is_recorded_with_the_code_that_needs_somebody_most(tmp_path: Path
     assert run.exit == ExitCode.UNKNOWN
 
 
-def test_the_site_is_held_until_the_end(watch: Watch, tmp_path: Path) -> None:
-    watch.begin([HOST])
-    lock = Store(tmp_path, rehearsed=True).lock("coastal", "another")
+def test_the_site_is_held_until_the_end(real_watch: Watch, tmp_path: Path) -> None:
+    real_watch.begin([HOST])
+    lock = Store(tmp_path).lock("coastal", "another")
     with pytest.raises(SiteBusy):
         lock.__enter__()
-    watch.end(set())
+    real_watch.end(set())
     with lock:
         assert True
 
