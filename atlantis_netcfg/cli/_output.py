@@ -212,13 +212,16 @@ _NAMED = 3
 
 @contextmanager
 def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILENCE_S) -> Iterator[Subscriber]:
-    """Give the subscriber that fits `out`, which is stderr as it is at that moment; `quiet` shows nothing."""
+    """Give the subscriber that fits `out`, which is stderr as it is at that moment.
+
+    `quiet`: a program reads stdout; a person at a terminal sees the progress all the same.
+    """
     out = out or sys.stderr
-    if quiet:
-        yield ignore
-    elif out.isatty():
+    if out.isatty():
         with _live(out) as subscriber:
             yield subscriber
+    elif quiet:
+        yield ignore
     else:
         with _plain(out, silence_s) as subscriber:
             yield subscriber

@@ -210,11 +210,21 @@ def test_a_log_that_nobody_reads_stops_no_reminder_and_no_run() -> None:
     assert log.tries >= 3
 
 
-def test_a_terminal_shows_the_age_of_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
 
+
+def test_where_a_program_reads_only_a_person_at_a_terminal_sees_the_progress() -> None:
+    terminal, log = Terminal(), io.StringIO()
+    for out in (terminal, log):
+        with progress(quiet=True, out=out) as notify:
+            notify(Event("quay", Stage.CONNECTING, "to it"))
+    assert re.search(r"quay +connecting  to it", terminal.getvalue())
+    assert log.getvalue() == ""
+
+
+def test_a_terminal_shows_the_age_of_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal, clock = Terminal(), iter(range(0, 10_000, 7))
     monkeypatch.setattr("atlantis_netcfg.cli._output.time.monotonic", lambda: float(next(clock)))
     with progress(quiet=False, out=terminal) as notify:
