@@ -65,6 +65,7 @@ class CommandSession:
     vault: Vault
     """What opened the secrets of the declaration."""
     via: str | None = None
+    prepares: bool = False
     back_to: str | None = None
     """Rollback: the run before which the devices were as they shall be again."""
     restore: str | None = None
@@ -127,6 +128,7 @@ class CommandSession:
             via={**({host.name: self.via for host in self.hosts} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,
             run=run,
+            prepares=self.prepares,
             back_to=self.back_to,
             restore=self.restore,
             use=self.use,
@@ -191,7 +193,11 @@ class CommandSession:
 
         A check that fails is for whoever looks at them afterwards to tell, unless `strict`. Raises NetcfgError.
         """
-        report = self.perform(Mode.APPLY)
+        self.prepares = True
+        try:
+            report = self.perform(Mode.APPLY)
+        finally:
+            self.prepares = False
         if report.exit not in (
             {ExitCode.DONE} if strict else {ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING}
         ):

@@ -26,6 +26,7 @@ from atlantis_netcfg.cli._arguments import (
     Word,
 )
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -100,6 +101,7 @@ def _row(run: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
         "exit": run.exit,
         "unfinished": unfinished,
         "command": started.command if started else "",
+        "prepares": started is not None and started.prepares,
         "next": run.next_command if unfinished else None,
         "damage": list(run.log.damage),
         "devices": {
@@ -117,8 +119,9 @@ def _row(run: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
 def _line(row: dict[str, Any]) -> str:
     end = f"UNFINISHED, go on: `{row['next']}`" if row["unfinished"] else f"exit {row['exit']}"
     devices = ", ".join(_device(name, outcome) for name, outcome in row["devices"].items())
+    prepared = f"{translate('emulated devices prepared:')} " if row["prepares"] else ""
     damage = f"  DAMAGED JOURNAL: {', '.join(row['damage'])}" if row["damage"] else ""
-    return f"{row['run']}  {row['site']:<10} {end}  {devices}{damage}"
+    return f"{row['run']}  {row['site']:<10} {end}  {prepared}{devices}{damage}"
 
 
 def _device(name: str, outcome: dict[str, Any]) -> str:

@@ -71,6 +71,8 @@ class RunStarted:
     restore: str | None = None
     """Restore: the run whose confirmed state is put on the device."""
     purpose: Purpose = Purpose.CONFIGURE
+    prepares: bool = False
+    """It configured fresh emulated devices for another command, and nobody asked for the state before it."""
     by: str = ""
     """Adoption: who typed it, and on which computer, as these are called there; empty: it was not recorded."""
 

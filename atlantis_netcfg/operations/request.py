@@ -152,6 +152,8 @@ class Request(_Data):
     """A bundle: gateways take packages and sources from it, and from nowhere else."""
     unprotected: bool = False
     """A person has said that devices may be changed although nothing would take the change back."""
+    prepares: bool = False
+    """Of a rehearsal: fresh emulated devices are configured, before the command itself begins."""
     accept_cost: bool = False
     """A person has allowed traffic over links that are paid by the byte."""
     remove_foreign: bool = False

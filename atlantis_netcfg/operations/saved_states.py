@@ -58,7 +58,8 @@ def stores(state: Path, *, rehearsed: bool) -> tuple[Store, ...]:
 def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, rehearsed: bool = False) -> Run:
     """Find the run before which a site is put back; `latest` is the newest that has saved a state of these hosts.
 
-    Rollbacks are passed over: who types `to=latest` twice is at the same state, and not where it began.
+    Rollbacks are passed over: who types `to=latest` twice is at the same state, and not where it began. So is what only
+    prepared the emulated devices of a rehearsal.
     Raises NothingMatched, NoSuchRun.
     """
     places = stores(state, rehearsed=rehearsed)
@@ -67,7 +68,7 @@ def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, r
     devices = tuple(hosts)
     for store in places:
         for run in reversed(store.runs(site)):
-            if run.started is not None and run.started.back_to is not None:
+            if run.started is not None and (run.started.back_to is not None or run.started.prepares):
                 continue
             if run.damage or any(run.before(device) is not None for device in devices):
                 return run

@@ -145,6 +145,7 @@ class SiteRun:
                 back_to=request.back_to,
                 restore=request.restore,
                 purpose=Purpose.BACKUP if request.mode is Mode.BACKUP else Purpose.CONFIGURE,
+                prepares=request.prepares,
             ),
             self._called.name,
         )

@@ -240,6 +240,8 @@ class Summary:
             return (Style.GOOD, "[OK]") if whole and not self.warned else (Style.WARNING, "[!]")
         if self.exit is ExitCode.CHANGES:
             return Style.TITLE, "[~]"
+        if self.stopped_by and not self._worst():
+            return Style.WARNING, "[!]"
         return (Style.WARNING, "[?]") if self.exit is ExitCode.UNKNOWN else (Style.BAD, "[FAIL]")
 
     def _counts(self) -> str:
@@ -267,6 +269,8 @@ class Summary:
             yield from _labelled("look at", f"{name}: {translate(result['message'])}", width, most)
             hint = result["hint"] or (_STOPPED if self.stopped_by else _AGAIN)
             yield from _advice(translate(hint), width, most)
+        elif self.stopped_by:
+            yield from _advice(translate(_STOPPED), width, most)
         elif self.warned:
             first = self.warned[0]
             words = translate(warnings(self.results[first])[0])

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 _PATIENCE_S = 30.0
 
 
+_LAST_LINES = 5
+
+
 class TwinsFailed(NetcfgError):
     """The twins could not be started, or have died: a fault of ours, not of any device."""
 
@@ -136,15 +139,23 @@ class SpawnedSite:
         try:
             print(json.dumps(command), file=self._process.stdin, flush=True)
         except (OSError, ValueError) as gone:
-            raise TwinsFailed("the twins' process has ended", hint=f"see {self._log}") from gone
+            raise self._ended() from gone
 
     def _hear(self) -> dict[str, Any]:
         line = self._process.stdout.readline() if self._process.stdout is not None else ""
         if not line:
             self.close()
-            raise TwinsFailed("the twins' process has ended", hint=f"see {self._log}")
+            raise self._ended()
         values: dict[str, Any] = json.loads(line)
         return values
+
+    def _ended(self) -> TwinsFailed:
+        """Show the end of its log, which goes with the rehearsal."""
+        last: list[str] = []
+        with suppress(OSError):
+            last = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-_LAST_LINES:]
+        hint = "type the same command again" if not last else "\n".join(("the end of its log:", *last))
+        return TwinsFailed("the process of the emulated devices has ended", hint=hint)
 
 
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:

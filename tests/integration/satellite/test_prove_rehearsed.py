@@ -10,6 +10,8 @@ from typing import Any
 import preforked
 import pytest
 
+from atlantis_netcfg.journal import Store
+
 STRANGER = "203.0.113.3"
 
 
@@ -32,6 +34,9 @@ def test_the_emulated_router_refuses_what_is_not_declared(tmp_path: Path) -> Non
     assert told["kept_off_packets"] == 3
     assert told["bytes_counted"] < told["budget_bytes"] == 20_000
     assert [finding["code"] for finding in told["findings"]] == ["terminal-not-looked-at"]
+    (prepared,) = Store(tmp_path, rehearsed=True).runs("coastal")
+    assert prepared.started is not None
+    assert prepared.started.prepares, "`rollback to=latest` passes it over"
 
 
 @pytest.mark.slow

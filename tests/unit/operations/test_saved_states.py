@@ -29,6 +29,7 @@ class Laptop:
         confirms: str = "",
         actions: int = 0,
         back_to: str | None = None,
+        prepares: bool = False,
     ) -> Run:
         store = Store(self.state, rehearsed=rehearsed)
         started = RunStarted(
@@ -39,6 +40,7 @@ class Laptop:
             rehearsed=rehearsed,
             command="provision site=coastal",
             back_to=back_to,
+            prepares=prepares,
         )
         with store.start(started, name) as journal:
             if saves:
@@ -62,6 +64,13 @@ def test_latest_is_the_newest_run_that_has_saved_a_state_of_these_devices(laptop
     assert saved_run(laptop.state, "coastal", "latest", [ROUTER]).id == newer.id
     with pytest.raises(NothingMatched, match="no run of coastal has saved a state of coastal-cpe, coastal-4g"):
         saved_run(laptop.state, "coastal", "latest", ["coastal-cpe", "coastal-4g"])
+
+
+def test_what_prepared_emulated_devices_is_not_the_latest_run(laptop: Laptop) -> None:
+    """Nobody asked for it: `use`, `links` and the checklist rehearse on configured devices."""
+    run = laptop.run(saves="a", rehearsed=True)
+    laptop.run(saves="b", rehearsed=True, prepares=True)
+    assert saved_run(laptop.state, "coastal", "latest", [ROUTER], rehearsed=True).id == run.id
 
 
 def test_a_rollback_is_not_the_latest_run(laptop: Laptop) -> None:

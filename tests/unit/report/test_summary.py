@@ -98,6 +98,11 @@ def test_a_device_has_one_end(found: dict[str, Any], end: DeviceEnd) -> None:
             "[FAIL] STOPPED by Ctrl-C: what was read back stays, nothing else was changed",
         ),
         (
+            {"r": CHANGED},
+            {"stopped_by": "SIGINT"},
+            "[!] STOPPED by Ctrl-C: what was read back stays, nothing else was changed",
+        ),
+        (
             {"r": result(5, "unknown")},
             {"stopped_by": "SIGTERM"},
             "[?] STOPPED by SIGTERM: what a device holds now is not known",
@@ -110,6 +115,10 @@ def test_the_verdict_is_that_of_the_worst(
     report = RunReport("coastal", False, devices, **more)
     assert [plain(row) for row in report.summary().rows_for_screen(200)][1] == verdict
     assert ("[OK]" in verdict) <= (report.exit is ExitCode.DONE)
+
+
+def test_a_stop_after_all_devices_have_ended_says_how_to_go_on() -> None:
+    assert last({"r": CHANGED}, stopped_by="SIGINT")[-1] == "do        type the same command again to go on"
 
 
 def test_a_rehearsal_says_what_its_second_runs_found() -> None:
@@ -174,7 +183,8 @@ def test_green_is_only_what_is_whole_and_without_a_warning() -> None:
     assert style({"r": CHANGED}, not_handled={"c": "control_centre"}) is Style.WARNING
     assert style({"r": CHANGED}, left_out={"c": "not root"}) is Style.WARNING
     assert style({"r": result(4, "refused")}) is Style.BAD
-    assert style({"r": CHANGED}, stopped_by="SIGINT") is Style.BAD
+    assert style({"r": CHANGED}, stopped_by="SIGINT") is Style.WARNING
+    assert style({"r": CHANGED, "s": result(4, "left-as-found")}, stopped_by="SIGINT") is Style.BAD
 
 
 def test_a_plan_counts_rows_as_its_text_shows_them() -> None:

@@ -105,8 +105,13 @@ def test_twins_that_died_are_reported(tmp_path: Path) -> None:
     twins = spawn(SITE, tmp_path)
     twins._process.kill()
     twins._process.wait()
-    with pytest.raises(TwinsFailed, match="process has ended"):
+    with pytest.raises(TwinsFailed, match="the process of the emulated devices has ended") as ended:
         twins.do("router", "info")
+    assert ended.value.hint == "type the same command again"
+    (tmp_path / "twins.log").write_text("one\nMemoryError\n")
+    with pytest.raises(TwinsFailed) as once_more:
+        twins.do("router", "info")
+    assert once_more.value.hint == "the end of its log:\none\nMemoryError"
     twins.close()
 
 
