@@ -108,7 +108,7 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
             return _nothing(opened, program, look)
         plan = _planned(opened, found[0], look)
         if not opened.as_json or arguments.flag("plan"):
-            _say(opened, program, plan.lines(), plan.as_dict())
+            _say(opened, program, plan.lines(), plan.as_dict(), ExitCode.CHANGES)
         if arguments.flag("plan"):
             return ExitCode.CHANGES
         return _begin(opened, program, plan, selection)
@@ -150,14 +150,14 @@ def _rehearse(arguments: Arguments) -> ExitCode:
             program = transfer.program
             made = plan(declared, source, bearer.name, program.look(RetrievalSelection()))
             if not opened.as_json:
-                _say(opened, program, [*([example] if example else []), *made.lines()], {})
+                _say(opened, program, [*([example] if example else []), *made.lines()], {}, ExitCode.DONE)
             status = transfer.run(made)
             same = transfer.same()
             lines = [*status.lines(site), *transfer.lines(same=same)]
             untold = [*NOT_REHEARSED, *([ROBOT_NOT_REHEARSED] if made.robot is not None else [])]
             document = {**status.as_dict(), "rehearsed": True, "same": same, "not_rehearsed": untold}
-            _say(opened, program, [*lines, *(f"  not rehearsed: {each}" for each in untold)], document)
-            return status.exit if same else max(status.exit, ExitCode.CHECKS_FAILED)
+            code = status.exit if same else max(status.exit, ExitCode.CHECKS_FAILED)
+            return _say(opened, program, [*lines, *(f"  not rehearsed: {each}" for each in untold)], document, code)
 
 
 def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
@@ -185,8 +185,8 @@ def _nothing(opened: CommandSession, program: RetrievalProgram, look: dict[str, 
 
     done = look["kept"] and not look["writing"] and not look["unnamed"]
     lines = ["nothing to send" if done else "no file to send", *left_out(look)]
-    _say(opened, program, lines, {name: look[name] for name in ("files", "bytes", "kept", "writing", "unnamed")})
-    return ExitCode.DONE if done else ExitCode.NOTHING
+    document = {name: look[name] for name in ("files", "bytes", "kept", "writing", "unnamed")}
+    return _say(opened, program, lines, document, ExitCode.DONE if done else ExitCode.NOTHING)
 
 
 def _planned(opened: CommandSession, source: Source, look: dict[str, Any]) -> RetrievalPlan:
@@ -237,13 +237,9 @@ def _begin(
     program.start(plan.job(selection, new_number()))
     if opened.arguments.flag("leave"):
         status = program.status()
-        _say(
-            opened,
-            program,
-            ["begun: the gateway sends by itself", shown_by(program.host, program.source)],
-            status.as_dict(),
-        )
-        return ExitCode.DONE if status.runs or status.whole else status.exit
+        lines = ["begun: the gateway sends by itself", shown_by(program.host, program.source)]
+        code = ExitCode.DONE if status.runs or status.whole else status.exit
+        return _say(opened, program, lines, status.as_dict(), code)
     return _watched(opened, program)
 
 
@@ -290,23 +286,30 @@ def _ended_or_told(opened: CommandSession, program: RetrievalProgram, order: str
         return _tell(opened, program, program.status())
     before = program.status()
     if not before.runs:
-        _say(opened, program, ["nothing goes on, so there is nothing to stop"], before.as_dict())
-        return ExitCode.NOTHING
+        lines = ["nothing goes on, so there is nothing to stop"]
+        return _say(opened, program, lines, before.as_dict(), ExitCode.NOTHING)
     after = program.stop()
-    _say(opened, program, after.lines(opened.site), after.as_dict())
-    return ExitCode.DONE if not after.runs else ExitCode.FAILED
+    code = ExitCode.DONE if not after.runs else ExitCode.FAILED
+    return _say(opened, program, after.lines(opened.site), after.as_dict(), code)
 
 
 def _tell(opened: CommandSession, program: RetrievalProgram, status: RetrievalStatus) -> ExitCode:
-    _say(opened, program, status.lines(opened.site), status.as_dict())
-    return status.exit
+    return _say(opened, program, status.lines(opened.site), status.as_dict(), status.exit)
 
 
-def _say(opened: CommandSession, program: RetrievalProgram, lines: Sequence[str], data: dict[str, object]) -> None:
+def _say(
+    opened: CommandSession,
+    program: RetrievalProgram,
+    lines: Sequence[str],
+    data: dict[str, object],
+    code: ExitCode,
+) -> ExitCode:
     from atlantis_netcfg.core import printable
 
     if opened.as_json:
-        print(json_text({"site": opened.site, "from": program.source.name, **data}))
-        return
+        named = {"site": opened.site, "from": program.source.name}
+        print(json_text({**named, **data, "exit": int(code), "errors": []}))
+        return code
     for line in lines:
         print(printable.line(translate(line)), flush=True)
+    return code

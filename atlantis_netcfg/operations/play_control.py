@@ -41,11 +41,13 @@ class PlayControl:
     """Name of the signal, as `SIGINT`; empty: nobody has stopped it."""
     cleanups: list[Callable[[str], None]] = field(default_factory=list)
     """Called with the reason when Ansible has ended without saying so."""
+    _ignored: tuple[int, ...] = ()
 
     @contextmanager
     def current(self) -> Iterator[PlayControl]:
         """Let plugins find it, and take the stop signals while it lasts. In the main thread only."""
         before = handlers()
+        self._ignored = tuple(number for number, handler in before.items() if handler is signal.SIG_IGN)
         _current.append(self)
         try:
             yield self
@@ -59,8 +61,7 @@ class PlayControl:
         A signal that this process was told to ignore (`nohup`) stays ignored.
         """
         for number in STOP_SIGNALS:
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, self._stop)
+            signal.signal(number, signal.SIG_IGN if number in self._ignored else self._stop)
 
     def _stop(self, number: int, _frame: FrameType | None) -> None:
         """Hand it to the workers as Ctrl-C: the first lets them settle, the second ends them."""

@@ -186,6 +186,8 @@ class Summary:
         return self._bad()
 
     def _after_a_stop(self) -> str:
+        if self.purpose == "plan":
+            return "nothing was changed"
         if self.rehearsed:
             return "only emulated devices were changed"
         if DeviceEnd.UNKNOWN in self.endings.values():

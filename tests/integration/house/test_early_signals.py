@@ -56,7 +56,7 @@ def stop_at(state: Path, words: tuple[str, ...], after_s: float, number: signal.
         assert (out, err) == ("", ""), place
     elif process.returncode != usual:
         assert process.returncode == 4, place
-        assert ENDED in err, place
+        assert ENDED in out + err, place
     else:
         assert out or err, place
 

@@ -25,10 +25,11 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 
 
 @contextmanager
-def running(at: Quay, *typed: str) -> Iterator[subprocess.Popen[str]]:
+def running(at: Quay, *typed: str, nohup: bool = False) -> Iterator[subprocess.Popen[str]]:
     """A run over a slow link, in a session of its own as on a terminal."""
     at.twins.do(ROUTER, "link", delay_s=0.15)
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # who runs the tests may have been told to ignore it
+    # Who runs the tests may have been told to ignore it.
+    signal.signal(signal.SIGHUP, signal.SIG_IGN if nohup else signal.SIG_DFL)
     with subprocess.Popen(
         [PROVISION, "site=coastal", f"only={ROUTER}", "--yes", f"inventory={at.inventory}", *typed],
         env=at.environment(),
@@ -77,6 +78,14 @@ def test_a_stop_settles_the_device(at: Quay, number: signal.Signals) -> None:
     assert at.export().splitlines() == before.splitlines()
     assert [row["unfinished"] for row in at.runs()] == [False]
     assert at.json("site=coastal", "--yes", code=0)["devices"][ROUTER]["status"] == "changed"
+
+
+def test_a_signal_that_is_ignored_stops_nothing(at: Quay) -> None:
+    with running(at, nohup=True) as process:
+        await_record(at.state, SENT)
+        process.send_signal(signal.SIGHUP)
+        text = ended(at, process, 0)
+    assert "STOPPED" not in text
 
 
 def test_a_second_ctrl_c_is_honest(at: Quay) -> None:

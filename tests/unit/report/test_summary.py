@@ -98,6 +98,11 @@ def test_a_device_has_one_end(found: dict[str, Any], end: DeviceEnd) -> None:
             "[FAIL] STOPPED by Ctrl-C: what was read back stays, nothing else was changed",
         ),
         (
+            {"r": result(4, "left-as-found")},
+            {"stopped_by": "SIGHUP", "purpose": "plan"},
+            "[FAIL] STOPPED by SIGHUP: nothing was changed",
+        ),
+        (
             {"r": CHANGED},
             {"stopped_by": "SIGINT"},
             "[!] STOPPED by Ctrl-C: what was read back stays, nothing else was changed",
