@@ -32,6 +32,7 @@ STRANGER = User(name="stranger", password="as they come")
 ADMIN = User(name="colleague", password="another one")
 VERSIONS = ("7.18.2", "7.18.2", "7.21.5", "7.16")
 """Of the router: safe mode for programs came with 7.18."""
+NO_ACCESS_POINT = ("7.16",)
 STATES = ("adopted", "configured", "drifted", "foreign")
 
 DRIFTS: Mapping[str, tuple[tuple[str, ...], ...]] = {
@@ -77,9 +78,18 @@ class Site:
         self.do(NEAR, "skip", seconds=seconds)
 
 
-def inventory(folder: Path) -> Path:
-    """The shipped pilot with values that count as real, without the gateway: a computer is another campaign's."""
+def inventory(folder: Path, version: str) -> Path:
+    """The shipped pilot with values that count as real, without the gateway: a computer is another campaign's.
+
+    RouterOS before 7.17 cannot be told where its access point stands (`installation`): there the router opens none.
+    """
+    folder.mkdir(parents=True)
     root = _inventory(folder)
+    if version in NO_ACCESS_POINT:
+        router = root / "host_vars/coastal-router.yml"
+        before, point, _ = router.read_text(encoding="utf-8").partition("  access_point:")
+        assert point
+        router.write_text(before, encoding="utf-8")
     hosts = root / "hosts.yml"
     hosts.write_text(
         hosts.read_text(encoding="utf-8")
@@ -134,7 +144,7 @@ class Stage:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.inventory = inventory(folder)
+        self._inventories: dict[str, Path] = {}
         self._stack = ExitStack()
         self.relay = Relay(ADDRESSES, tuple(SERVICES))
 
@@ -147,15 +157,22 @@ class Stage:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
+    def _inventory(self, version: str) -> Path:
+        """Of routers of this version; the devices of a round keep what the reference was configured with."""
+        if version not in self._inventories:
+            self._inventories[version] = inventory(self.folder / f"pilot-{version}", version)
+        return self._inventories[version]
+
     @contextmanager
     def site(self, name: str, state: str, version: str, flash: Path | None) -> Iterator[Site]:
         """Start the devices; `flash`: as a run has left them."""
         folder = self.folder / name
         if flash is not None:
             shutil.copytree(flash, folder / "twins", ignore=shutil.ignore_patterns("*.log", "site.json"))
-        with spawned(specification(self.inventory, version), folder / "twins") as twins:
+        inventory = self._inventory(version)
+        with spawned(specification(inventory, version), folder / "twins") as twins:
             self.lead(twins)
-            site = Site(folder, self.inventory, self.relay, twins, state, version)
+            site = Site(folder, inventory, self.relay, twins, state, version)
             yield site
 
     def lead(self, twins: SpawnedSite) -> None:
