@@ -10,7 +10,7 @@ the copy is removed when the control centre has it. What is known of a source st
 the working directory. There is one job at a time.
 """
 
-# ruff: noqa: INP001, PTH100, PTH108, PTH112, PTH118, PTH120, PTH123, S603, S607 - a program of the gateway; its paths are text
+# ruff: noqa: INP001, PTH100, PTH108, PTH112, PTH118, PTH120, PTH123 - a program of the gateway; its paths are text
 
 import contextlib
 import fcntl
@@ -21,7 +21,6 @@ import os
 import signal
 import socket
 import struct
-import subprocess
 import sys
 import threading
 import time
@@ -35,7 +34,9 @@ from retrieval_robot import (
     Away,
     Refused,
     Robot,
+    TooMuch,
     batches,
+    bounded,
     quoted,
     regular,
     ssh_words,
@@ -163,8 +164,8 @@ def look(settings: "dict", request: "dict") -> "dict":
 def runs() -> bool:
     """Whether the unit runs."""
     words = ["systemctl", "show", "--property=ActiveState", "--value", UNIT]
-    done = subprocess.run(words, stdout=subprocess.PIPE, check=False)
-    return done.stdout.strip() in (b"active", b"activating", b"reloading", b"deactivating")
+    _, printed, _ = bounded(words)
+    return printed.strip() in (b"active", b"activating", b"reloading", b"deactivating")
 
 
 def start(settings: "dict", request: "dict") -> "dict":
@@ -190,11 +191,11 @@ def start(settings: "dict", request: "dict") -> "dict":
         totals["unseen"] = robot["why"]
     write(STATUS, {"state": "sending", "id": request["id"], "link": request["link"], "since": time.time(), **totals})
     write(JOB, dict(limits, source=settings["source"], files=seen["rows"]))
-    subprocess.run(["systemctl", "reset-failed", UNIT], stderr=subprocess.DEVNULL, check=False)
-    done = subprocess.run(["systemctl", "start", "--no-block", UNIT], stderr=subprocess.PIPE, check=False)
-    if done.returncode:
+    bounded(["systemctl", "reset-failed", UNIT])
+    code, _, errors = bounded(["systemctl", "start", "--no-block", UNIT])
+    if code:
         JOB.unlink()
-        return {"error": "unit", "why": done.stderr.decode(errors="replace").strip()}
+        return {"error": "unit", "why": errors.decode(errors="replace").strip()}
     return {"started": True}
 
 
@@ -223,9 +224,9 @@ def stop(settings: "dict", request: "dict") -> "dict":
     there = JOB.exists()
     with contextlib.suppress(FileNotFoundError):
         JOB.unlink()
-    done = subprocess.run(["systemctl", "stop", UNIT], stderr=subprocess.PIPE, check=False)
-    if done.returncode:
-        return {"error": "unit", "why": done.stderr.decode(errors="replace").strip()}
+    code, _, errors = bounded(["systemctl", "stop", UNIT])
+    if code:
+        return {"error": "unit", "why": errors.decode(errors="replace").strip()}
     if there:
         note(state="stopped")
     return dict(status(settings, request), stopped=there)
@@ -428,11 +429,14 @@ def ssh(settings: "dict", job: "dict") -> "list[str]":
 def call(settings: "dict", job: "dict", verb: str, rows: "list") -> "dict":
     """Ask the control centre about files. Raises Away, Refused."""
     words = [*ssh(settings, job), "-C", settings["address"], "atlantis", verb, settings["source"]]
-    done = subprocess.run(words, input=json.dumps(rows).encode(), capture_output=True, check=False)
-    if done.returncode:
-        raise failure(done.returncode, done.stderr)
     try:
-        answer = json.loads(done.stdout)
+        code, printed, errors = bounded(words, json.dumps(rows).encode())
+    except TooMuch as error:
+        raise Refused(f"the control centre {error}") from None
+    if code:
+        raise failure(code, errors)
+    try:
+        answer = json.loads(printed)
         if len(answer["answers"]) == len(rows):
             return answer
     except (ValueError, KeyError, TypeError):
@@ -454,9 +458,12 @@ def send(settings: "dict", job: "dict", paths: "list[str]", *, repair: bool) -> 
         settings["address"] + ":" + settings["source"],
     ]
     data = b"".join(path.encode() + b"\0" for path in paths)
-    done = subprocess.run(words, input=data, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
-    if done.returncode and done.returncode not in SOME_LEFT:
-        raise failure(done.returncode, done.stderr)
+    try:
+        code, _, errors = bounded(words, data)
+    except TooMuch as error:
+        raise Refused(f"the control centre {error}") from None
+    if code and code not in SOME_LEFT:
+        raise failure(code, errors)
 
 
 def failure(code: int, data: bytes) -> Exception:

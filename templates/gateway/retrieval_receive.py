@@ -10,7 +10,7 @@ names are those of the gateway and of the robots whose recordings it sends, with
   same.
 """
 
-# ruff: noqa: INP001, PTH105, PTH106, PTH118, S606, S607 - a program of the control centre, which becomes rsync
+# ruff: noqa: INP001, PTH105, PTH106, PTH118, S603 - a program of the control centre, which starts rsync
 
 import contextlib
 import fcntl
@@ -18,9 +18,11 @@ import hashlib
 import json
 import os
 import re
+import resource
 import shlex
 import shutil
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -28,6 +30,9 @@ from pathlib import Path
 SHORT = re.compile(r"-[vtRIc]*(e[0-9]*\.[A-Za-z]*)?")
 LONG = re.compile(r"--(timeout=[0-9]{1,5}|append|inplace|log-format=[%A-Za-z]*)")
 END_S = 10
+LOOK_S = 0.2
+"""How often the folder is measured while rsync writes: what one file may add is limited by the kernel."""
+ROWS_BYTES = 64_000_000
 
 
 class Receiver:
@@ -41,13 +46,36 @@ class Receiver:
 
     def room(self) -> int:
         """Bytes that may still be written: of the budget, and of the disk."""
+        disk = os.statvfs(str(self.folder))
+        return max(0, min(self.budget - self.used(), disk.f_bavail * disk.f_frsize))
+
+    def used(self) -> int:
+        """Bytes in all folders of the gateway."""
         used = 0
         for place, _, files in os.walk(str(self.folder)):
             for name in files:
                 with contextlib.suppress(OSError):
                     used += os.lstat(os.path.join(place, name)).st_size
-        disk = os.statvfs(str(self.folder))
-        return max(0, min(self.budget - used, disk.f_bavail * disk.f_frsize))
+        return used
+
+    def write(self, command: "list[str]") -> int:
+        """Let rsync write here, and end it once the budget is used up; its code."""
+        largest = max((file.stat().st_size for file in self.incoming.rglob("*") if file.is_file()), default=0)
+        most = max(0, self.budget - self.used()) + largest
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))  # of rsync, and of nothing that this program writes
+        with subprocess.Popen(command, cwd=str(self.incoming)) as program:
+            while self.used() <= self.budget:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    code = program.wait(LOOK_S)
+                    return self.full() if code == -signal.SIGXFSZ else abs(code)
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            os.killpg(os.getpgid(0), signal.SIGTERM)  # rsync, and the one that it has started
+        return self.full()
+
+    def full(self) -> int:
+        """Say that nothing more is taken."""
+        sys.stderr.write(f"atlantis: the budget of {self.budget // 1000000} MB is used up\n")
+        return 3
 
     def have(self, rows: "list") -> "dict":
         """Say what is here; of a file that differs a copy is made to be mended."""
@@ -59,6 +87,9 @@ class Receiver:
             if same(kept, size, sha256):
                 return "kept"
             if not coming.exists():
+                if kept.stat().st_size > self.room():
+                    msg = f"no room to mend {path}"
+                    raise OSError(msg)
                 coming.parent.mkdir(mode=0o750, parents=True, exist_ok=True)
                 shutil.copyfile(str(kept), str(coming))
             return "differs"
@@ -113,6 +144,15 @@ class Receiver:
         os.pwrite(lock, str(os.getpgid(0)).encode(), 0)
 
 
+def asked() -> "list":
+    """The rows that the gateway asks about. Raises ValueError."""
+    rows = sys.stdin.read(ROWS_BYTES + 1)
+    if len(rows) > ROWS_BYTES:
+        msg = f"asked about files in more than {ROWS_BYTES} bytes"
+        raise ValueError(msg)
+    return json.loads(rows)
+
+
 def inside(path: str) -> str:
     """A path that stays in its folder. Raises ValueError."""
     parts = path.split("/")
@@ -157,16 +197,13 @@ def main(names: str, folder: str, budget_mb: str) -> int:
     receiver.alone()
     try:
         if words[:-1] in (["atlantis", "have"], ["atlantis", "keep"]):
-            answer = getattr(receiver, words[1])(json.load(sys.stdin))
+            answer = getattr(receiver, words[1])(asked())
             sys.stdout.write(json.dumps(answer) + "\n")
             return 0
-        command = server([*words[:-1], "."])
+        return receiver.write(server([*words[:-1], "."]))
     except (ValueError, TypeError, OSError) as error:
         sys.stderr.write(f"atlantis: {error}\n")
         return 3
-    os.chdir(str(receiver.incoming))
-    os.execvp("rsync", command)
-    return 1
 
 
 if __name__ == "__main__":

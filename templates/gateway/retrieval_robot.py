@@ -11,8 +11,11 @@ import calendar
 import contextlib
 import os
 import re
+import selectors
+import signal
 import stat
 import subprocess
+import tempfile
 import time
 from pathlib import Path
 
@@ -24,6 +27,13 @@ LINK_LOST = frozenset({10, 12, 20, 30, 35, 255})
 SOME_LEFT = frozenset({23, 24})
 """Of rsync(1): some files were not sent, or have gone."""
 SILENCE_S = 30
+OUTPUT_BYTES = 16_000_000
+"""So much a program may print: a list of 100,000 files."""
+ERRORS_BYTES = 65536
+"""So much of its errors is kept."""
+LIST_S = 600
+LEAST_BPS = 50_000
+"""Bytes a second; who sends less in the LAN of a site holds up all others, and is left out."""
 RESERVE = 500_000_000
 """Bytes of this disk that recordings of robots leave to all else."""
 BATCH_FILES, BATCH_BYTES = 50, 250_000_000
@@ -78,6 +88,49 @@ def quoted(words: "list[str]") -> str:
     return " ".join(f"'{word}'" if " " in word else word for word in words)
 
 
+class TooMuch(Exception):
+    """A program printed more, or took longer, than it may; it was ended."""
+
+
+def bounded(
+    words: "list[str]", data: bytes = b"", within_s: "float | None" = None, **more: "object"
+) -> "tuple[int, bytes, bytes]":
+    """Run a program; give its code, its output, and the first of its errors. Raises TooMuch."""
+    pipe = subprocess.PIPE
+    with tempfile.TemporaryFile() as asked:
+        asked.write(data)
+        asked.seek(0)
+        with subprocess.Popen(words, stdin=asked, stdout=pipe, stderr=pipe, start_new_session=True, **more) as program:
+            try:
+                out, errors = _printed(program, within_s)
+            except BaseException:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(program.pid, signal.SIGKILL)
+                raise
+    return program.returncode, bytes(out), bytes(errors[:ERRORS_BYTES])
+
+
+def _printed(program: "subprocess.Popen[bytes]", within_s: "float | None") -> "list[bytearray]":
+    """Output and errors of a program until it closes both. Raises TooMuch."""
+    ends = None if within_s is None else time.monotonic() + within_s
+    kept = [bytearray(), bytearray()]
+    with selectors.DefaultSelector() as waiting:
+        for number, pipe in enumerate((program.stdout, program.stderr)):
+            waiting.register(pipe, selectors.EVENT_READ, number)
+        while waiting.get_map():
+            left = None if ends is None else ends - time.monotonic()
+            if left is not None and left <= 0:
+                raise TooMuch(f"has not ended within {within_s:.0f} s")
+            for key, _ in waiting.select(left):
+                chunk = os.read(key.fd, 65536)
+                if not chunk:
+                    waiting.unregister(key.fileobj)
+                kept[key.data] += chunk
+                if len(kept[key.data]) > OUTPUT_BYTES:
+                    raise TooMuch(f"tells more than {OUTPUT_BYTES // 1_000_000} MB")
+    return kept
+
+
 def regular(folder: str) -> "list[tuple[str, os.stat_result]]":
     """Regular files below a folder, by their paths in it; links are not followed."""
     found = []
@@ -115,7 +168,8 @@ class Robot:
 
     def list(self) -> "list":
         """Rows of path, size and time of the last change of all files there. Raises Away, Refused."""
-        text, _ = self._rsync("--recursive", "--list-only", "--exclude=/lost+found", self._remote, partly=False)
+        words = ("--recursive", "--list-only", "--exclude=/lost+found", self._remote)
+        text, _ = self._rsync(*words, partly=False)
         rows = []
         for line in text.split("\n"):
             found = ROW.fullmatch(line)
@@ -208,10 +262,14 @@ class Robot:
         if rows is not None and not data:
             return "", 0
         clock = dict(os.environ, TZ="UTC", LC_ALL="C")
-        done = subprocess.run([*self._words, *words], input=data, capture_output=True, env=clock, check=False)
-        if done.returncode and not (partly and done.returncode in SOME_LEFT):
-            raise meaning(self.name, done.returncode, done.stderr)
-        return done.stdout.decode("utf-8", "surrogateescape"), done.returncode
+        within_s = LIST_S + sum(row[1] for row in rows or ()) / LEAST_BPS
+        try:
+            code, out, errors = bounded([*self._words, *words], data, within_s, env=clock)
+        except TooMuch as error:
+            raise Refused(f"{self.name} {error}, and is left out") from None
+        if code and not (partly and code in SOME_LEFT):
+            raise meaning(self.name, code, errors)
+        return out.decode("utf-8", "surrogateescape"), code
 
 
 def meaning(name: str, code: int, data: bytes) -> Exception:

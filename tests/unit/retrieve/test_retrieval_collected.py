@@ -6,7 +6,6 @@ import shutil
 import sys
 import time
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -34,19 +33,19 @@ class Rsync:
         self.calls: list[str] = []
         self.lies: list[str] = []
 
-    def run(self, words: list[str], *, input: bytes | None, **_: Any) -> Any:  # noqa: A002, ANN401 - as subprocess.run
+    def run(self, words: list[str], data: bytes, _within_s: float, **_: Any) -> tuple[int, bytes, bytes]:  # noqa: ANN401
         if self.fails:
             code, text = self.fails.pop()
-            return SimpleNamespace(returncode=code, stdout=b"", stderr=text.encode())
-        listed = [path.decode() for path in (input or b"").split(b"\0") if path]
+            return code, b"", text.encode()
+        listed = [path.decode() for path in data.split(b"\0") if path]
         if "--list-only" in words:
             self.calls.append("list")
-            return SimpleNamespace(returncode=0, stdout=self._rows().encode(), stderr=b"")
+            return 0, self._rows().encode(), b""
         target = Path(words[-1])
         if "--dry-run" in words:
             self.calls.append("compare")
             differs = [path for path in listed if (self.robot / path).read_bytes() != (target / path).read_bytes()]
-            return SimpleNamespace(returncode=0, stdout="".join(f"{path}\n" for path in differs).encode(), stderr=b"")
+            return 0, "".join(f"{path}\n" for path in differs).encode(), b""
         self.calls.append("fetch")
         lost = [path for path in listed if not (self.robot / path).exists()]
         for path in set(listed) - set(lost):
@@ -57,7 +56,7 @@ class Rsync:
                 state = (target / path).stat()
                 (target / path).write_bytes(b"X" * state.st_size)
                 os.utime(target / path, ns=(state.st_atime_ns, state.st_mtime_ns))
-        return SimpleNamespace(returncode=23 if lost else 0, stdout=b"", stderr=b"some were not sent")
+        return 23 if lost else 0, b"", b"some were not sent"
 
     def _rows(self) -> str:
         lines = [
@@ -72,11 +71,40 @@ class Rsync:
         return "\n".join(lines) + "\n"
 
 
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("while :; do printf x; sleep 0.02; done", "has not ended within 1 s"),
+        ("exec cat /dev/zero >&2", "tells more than 16 MB"),
+        ("exec cat /dev/zero", "tells more than 16 MB"),
+        ("exec sleep 600", "has not ended within 1 s"),
+    ],
+)
+def test_a_program_that_says_too_much_or_never_ends_is_ended(script: str, words: str) -> None:
+    with pytest.raises(MODULE.TooMuch, match=words):
+        MODULE.bounded(["sh", "-c", script], b"", None if "zero" in script else 0.6)
+
+
+def test_what_a_program_prints_comes_whole_and_of_its_errors_the_first() -> None:
+    script = "cat; head -c 300000 /dev/zero >&2; exit 7"
+    assert MODULE.bounded(["sh", "-c", script], b"a" * 200_000) == (7, b"a" * 200_000, bytes(65536))
+
+
+def test_a_robot_that_holds_all_up_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "rsync").write_text("#!/bin/sh\nwhile :; do echo at work >&2; sleep 0.02; done\n")
+    (tmp_path / "rsync").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setattr(MODULE, "LIST_S", 0.6)
+    robot = MODULE.Robot({**SETTINGS, "folder": str(tmp_path / "here"), "robot_address": "192.0.2.1"})
+    with pytest.raises(MODULE.Refused, match="sparus has not ended within 1 s, and is left out"):
+        robot.list()
+
+
 @pytest.fixture
 def rsync(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Rsync:
     (tmp_path / "bags").mkdir()
     made = Rsync(tmp_path / "bags")
-    monkeypatch.setattr(MODULE.subprocess, "run", made.run)
+    monkeypatch.setattr(MODULE, "bounded", made.run)
     return made
 
 
@@ -242,13 +270,9 @@ def test_a_robot_that_goes_is_waited_for_and_then_what_it_has_given_is_sent(
     wait = iter([False, False, True] + [True] * 99)
     real = rsync.run
     monkeypatch.setattr(
-        MODULE.subprocess,
-        "run",
-        lambda words, **how: (
-            SimpleNamespace(returncode=255, stdout=b"", stderr=b"No route to host")
-            if next(wait)
-            else real(words, **how)
-        ),
+        MODULE,
+        "bounded",
+        lambda *words, **how: (255, b"", b"No route to host") if next(wait) else real(*words, **how),
     )
     assert [row[0] for row in sender.collected(declared, job(sender, rows), why)] == ["a"]
     assert why == {**left(), "robot": ["b"]}

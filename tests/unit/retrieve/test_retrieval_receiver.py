@@ -1,11 +1,15 @@
 """What a gateway may do at the control centre: the words that are admitted, the paths, and what is said of a file."""
 
 import hashlib
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 from retrieval_programs import program
+from waiting import HANG_S
 
 RECEIVER = program("retrieval_receive")
 DATA = b"bag" * 1000
@@ -89,3 +93,35 @@ def test_nothing_but_writing_here_is_admitted(command: str) -> None:
 def test_what_our_rsync_asks_for_is_admitted() -> None:
     words = ["rsync", "--server", "-tRe.LsfxCIvu", "--timeout=120", "--append", "--append", "--inplace", ".", "."]
     assert RECEIVER.server(words) == words
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "exec head -c 20000000 /dev/zero >one",
+        "for n in 1 2 3 4 5 6 7 8 9; do head -c 900000 /dev/zero >$n; done; sleep 600",
+    ],
+    ids=["one file", "many files"],
+)
+def test_more_than_the_budget_is_not_taken_whatever_the_gateway_sends(tmp_path: Path, script: str) -> None:
+    """A gateway that somebody has taken over does not ask how much room there is."""
+    (tmp_path / "rsync").write_text(f"#!/bin/sh\n{script}\n")
+    (tmp_path / "rsync").chmod(0o755)
+    folder = tmp_path / "recordings"
+    done = subprocess.run(
+        [sys.executable, "-I", str(RECEIVER.__file__), "coastal-gateway", str(folder), "1"],
+        env={
+            "PATH": f"{tmp_path}:{os.environ['PATH']}",
+            "SSH_ORIGINAL_COMMAND": "rsync --server -vtIe.iLsfxC --timeout=60 --inplace . coastal-gateway",
+        },
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=HANG_S,
+    )
+    assert (done.returncode, done.stderr) == (3, "atlantis: the budget of 1 MB is used up\n")
+    sizes = [file.stat().st_size for file in folder.rglob("*") if file.is_file()]
+    assert max(sizes) <= 1_000_000
+    again = RECEIVER.Receiver("coastal-gateway", folder, 1_000_000)
+    assert again.room() == 0

@@ -36,7 +36,7 @@ import threading
 import time
 import traceback
 from contextlib import suppress
-from typing import Any, Callable
+from typing import IO, Any, Callable
 
 from atlantis_netcfg.checklist.probes.agent.streams import (
     ProbeError,
@@ -69,12 +69,19 @@ def run(question: dict[str, Any]) -> dict[str, Any]:
         raise no_answer(error, question["argv"][0]) from None
     _RUNNING.append(program)
     trouble, words = None, ""
-    try:
-        out, err = program.communicate(timeout=question["within_s"])
-    except subprocess.TimeoutExpired:
+    out, err = bytearray(), bytearray()
+    readers = [threading.Thread(target=_drain, args=each) for each in ((program.stdout, out), (program.stderr, err))]
+    ends = time.monotonic() + question["within_s"]
+    for reader in readers:
+        reader.start()
+    for reader in readers:
+        reader.join(max(0.0, ends - time.monotonic()))
+    if any(reader.is_alive() for reader in readers):
         trouble, words = "silent", f"{question['argv'][0]} did not end within {question['within_s']:g} s"
         _end(program)
-        out, err = program.communicate()
+    program.wait()
+    for reader in readers:
+        reader.join()
     _RUNNING.remove(program)
     values = {"out": _text(out), "err": _text(err)}
     return {"trouble": trouble, "words": words, "rc": program.returncode, "began": began, **values}
@@ -92,8 +99,15 @@ def _end(program: subprocess.Popen[bytes]) -> None:
         os.killpg(program.pid, signal.SIGKILL)
 
 
-def _text(data: bytes) -> str:
-    return data[:_LONGEST].decode("utf-8", "replace")
+def _drain(pipe: IO[bytes], kept: bytearray) -> None:
+    """Keep the beginning of what a program prints, and let it go on."""
+    with pipe:
+        for chunk in iter(lambda: pipe.read(_LONGEST), b""):
+            kept += chunk[: _LONGEST - len(kept)]
+
+
+def _text(data: bytearray) -> str:
+    return data.decode("utf-8", "replace")
 
 
 _IPV4, _UDP = 0x0800, 17
