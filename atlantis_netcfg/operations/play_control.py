@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-from atlantis_netcfg.core.stop_signals import STOP_SIGNALS, handlers, restore
+from atlantis_netcfg.core.stop_signals import STOP_SIGNALS, handlers, pending_stop, restore
 from atlantis_netcfg.journal import Run, Store
 from atlantis_netcfg.journal.records import DeviceObserved, Planned, StateSaved
 from atlantis_netcfg.operations.kinds import handled
@@ -58,8 +58,11 @@ class PlayControl:
     def take_signals(self) -> None:
         """Answer the stop signals from now on; Ansible sets handlers of its own when it makes a play.
 
-        A signal that this process was told to ignore (`nohup`) stays ignored.
+        A signal that this process was told to ignore (`nohup`) stays ignored. Raises KeyboardInterrupt if one came while
+        a module was imported: nothing has begun yet.
         """
+        if name := pending_stop():
+            raise KeyboardInterrupt(name)
         for number in STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN if number in self._ignored else self._stop)
 
