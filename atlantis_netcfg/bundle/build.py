@@ -47,6 +47,7 @@ from atlantis_netcfg.bundle.manifest import (
 )
 from atlantis_netcfg.bundle.requirements import BundleRefused
 from atlantis_netcfg.bundle.resolve import Fetched, Root, index, read_package, sha256_of
+from atlantis_netcfg.core.paths import hold_own
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -368,7 +369,8 @@ def _empty(place: Path) -> bool:
 def _alone(folder: Path) -> Iterator[None]:
     """Hold off a second run in the same place. Raises BundleRefused."""
     folder.mkdir(exist_ok=True)
-    current = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    hold_own(folder, "remove it, or name another place with `to=`")
+    current = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         fcntl.flock(current, fcntl.LOCK_EX | fcntl.LOCK_NB)
         _hold_still(folder, current)

@@ -16,6 +16,7 @@ import errno
 import hashlib
 import json
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -32,7 +33,7 @@ from cryptography.hazmat.primitives.serialization import (
 from atlantis_netcfg.checklist.report import Document, Signature
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.printable import lines
-from atlantis_netcfg.journal import make_private, os_errors_as, sync_directory, write_atomically
+from atlantis_netcfg.journal import make_private, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -126,17 +127,10 @@ class SigningKey:
         if (key := cls.known(path)) is not None:
             return key
         pem = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-        scratch = path.with_name(f".{path.name}.new.{os.getpid()}")
         with os_errors_as("the key for signing", path):
             make_private(path.parent)
-            write_atomically(scratch, pem)
-            try:
-                path.hardlink_to(scratch)
-            except FileExistsError:
-                pass  # the other one was first
-            finally:
-                scratch.unlink()
-            sync_directory(path.parent)
+            with suppress(FileExistsError):  # the other one was first
+                write_atomically(path, pem, replace=False)
         key = cls.known(path)
         assert key is not None, "it was just made"  # noqa: S101
         return key

@@ -32,6 +32,7 @@ from atlantis_netcfg.checklist._signing import (
     written,
 )
 from atlantis_netcfg.checklist.report import Document
+from atlantis_netcfg.core.atomic_files import DRAFT
 from atlantis_netcfg.journal import os_errors_as, write_atomically
 
 if TYPE_CHECKING:
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
 __all__ = ["SigningTrouble", "verify", "verify_report"]
 
 
-_SCRATCH = re.compile(r"\..+\.\d+")
 """A file that was being written when the program was killed."""
 _PAGE = re.compile(r"[a-z0-9][a-z0-9_-]*\.[a-z0-9]+")
 
@@ -85,7 +85,7 @@ def _clear(folder: Path, local: set[str]) -> None:
             continue
         if path.is_dir() and name == _ledger.FOLDER:
             continue  # it is empty
-        if name in local or _SCRATCH.fullmatch(path.name) or _ledger.COPY.fullmatch(name):
+        if name in local or DRAFT.fullmatch(path.name) or _ledger.COPY.fullmatch(name):
             path.unlink()
         else:
             hint = f"take it out of {folder}, or give it as evidence of an item; then sign"

@@ -199,20 +199,17 @@ def run_dds(arguments: Arguments) -> ExitCode:
 
 def _write(folder: Path, files: Mapping[str, str]) -> dict[str, bool]:
     """Put each file there whole, and say whether that changed it. Raises UsageError."""
-    import os
-
+    from atlantis_netcfg.core.atomic_files import write_atomically
     from atlantis_netcfg.core.errors import UsageError
 
     changed = {}
     for name, text in files.items():
         path = folder / name
-        scratch = path.with_name(f".{path.name}.{os.getpid()}")
         try:
             changed[name] = not path.is_file() or path.read_bytes() != text.encode()
             if changed[name]:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                scratch.write_text(text, encoding="utf-8")
-                scratch.replace(path)
+                write_atomically(path, text.encode(), mode=None)
         except OSError as error:
             reason = error.strerror or str(error)
             raise UsageError(f"{path} cannot be written: {reason}", hint="name another folder with `to=`") from error

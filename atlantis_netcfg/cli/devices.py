@@ -142,16 +142,12 @@ def _file(name: str | None) -> Path | None:
 
 def _write(path: Path, data: bytes) -> None:
     """Put the whole file there at once: a build server may look at any moment."""
-    import os
-
+    from atlantis_netcfg.core.atomic_files import write_atomically
     from atlantis_netcfg.core.errors import UsageError
 
-    scratch = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        scratch.write_bytes(data)
-        scratch.replace(path)
+        write_atomically(path, data, mode=None)
     except OSError as error:
-        scratch.unlink(missing_ok=True)
         reason = error.strerror or str(error)
         raise UsageError(f"{path} cannot be written: {reason}", hint="name another file with `--junit`") from error
 

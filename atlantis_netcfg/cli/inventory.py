@@ -189,6 +189,7 @@ def _keep(error: InventoryInvalid, folder: Path, typed: Mapping[str, Any] | None
 
     import yaml
 
+    from atlantis_netcfg.core.atomic_files import write_atomically
     from atlantis_netcfg.core.language import translate
 
     code = _refuse(error, "in what the answers give; nothing was written", as_json=as_json)
@@ -197,7 +198,7 @@ def _keep(error: InventoryInvalid, folder: Path, typed: Mapping[str, Any] | None
         while path.exists():
             number += 1
             path = folder.with_name(f"{folder.name}-answers-{number}.yml")
-        path.write_text(yaml.safe_dump(typed, sort_keys=False, allow_unicode=True), encoding="utf-8")
+        write_atomically(path, yaml.safe_dump(typed, sort_keys=False, allow_unicode=True).encode(), mode=None)
         words = translate(f"Your answers are kept in {path}: correct them, then type")
         print(f"{words}\n  provision init {folder} --answers {path}", file=sys.stderr)
     return code

@@ -122,7 +122,7 @@ def save(opened: CommandSession, report: RunReport, file: Path) -> str:
 
     from atlantis_netcfg.cli._output import carried
     from atlantis_netcfg.cli._session import planned_state
-    from atlantis_netcfg.core.paths import write_private
+    from atlantis_netcfg.core.atomic_files import write_atomically
 
     if report.exit is not ExitCode.CHANGES:
         file.unlink(missing_ok=True)
@@ -140,7 +140,7 @@ def save(opened: CommandSession, report: RunReport, file: Path) -> str:
     }
     kept["sha256"] = _digest(kept)
     try:
-        write_private(file, json.dumps(kept, ensure_ascii=False, indent=1).encode())
+        write_atomically(file, json.dumps(kept, ensure_ascii=False, indent=1).encode())
     except OSError as error:
         raise UsageError(
             f"{file} cannot be written: {error.strerror}", hint="name another file with `--save`"

@@ -153,8 +153,8 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     folder = new_folder(folder_of(opened.store, opened.site), utc_now())
     with ExitStack() as stack:
         with os_errors_as("the survey", folder):
-            lines = stack.enter_context((folder / SURVEY_FILE).open("a", encoding="utf-8"))
-            raw = stack.enter_context((folder / SAMPLES_FILE).open("a", encoding="utf-8"))
+            lines = stack.enter_context((folder / SURVEY_FILE).open("x", encoding="utf-8"))
+            raw = stack.enter_context((folder / SAMPLES_FILE).open("x", encoding="utf-8"))
         add, add_sample = SurveyWriter(lines), SampleWriter(raw)
 
         def write(line: SurveyLine) -> None:

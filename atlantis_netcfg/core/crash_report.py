@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg import __version__
+from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.paths import private_directory
 
@@ -37,6 +38,5 @@ def write_log(text: str, doing: str, state: Path) -> Path:
     directory = private_directory(state / "log")
     path = directory / f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}-{os.getpid()}.txt"
     head = f"provision {__version__}, Python {platform.python_version()}, {platform.platform()}\n{doing}\n\n"
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as log:
-        log.write(head + text)
+    write_atomically(path, (head + text).encode(errors="backslashreplace"))
     return path

@@ -37,7 +37,7 @@ class EventLog:
         self.path = path
         self.failure: NetcfgError | None = None
         self._error = error
-        flags = os.O_RDWR | os.O_APPEND | os.O_CLOEXEC | (os.O_CREAT if create else os.O_NOFOLLOW)
+        flags = os.O_RDWR | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | (os.O_CREAT if create else 0)
         try:
             self._descriptor = os.open(path, flags, 0o600)
         except OSError as failure:

@@ -48,7 +48,8 @@ def handlers() -> dict[int, Any]:
 
 
 def restore(before: Mapping[int, Any]) -> None:
-    """Let them be answered as before."""
+    """Let them be answered as before, and forget what came."""
+    _pending.clear()
     if threading.current_thread() is threading.main_thread():
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():

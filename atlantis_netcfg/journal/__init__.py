@@ -14,6 +14,7 @@ Everything is readable by its owner only. No record holds a secret: actions arri
 
 from __future__ import annotations
 
+from atlantis_netcfg.core.atomic_files import sync_directory, write_atomically
 from atlantis_netcfg.journal.files import (
     JournalFailed,
     NoSuchRun,
@@ -24,9 +25,7 @@ from atlantis_netcfg.journal.files import (
     new_run,
     os_errors_as,
     run_order,
-    sync_directory,
     unwritable,
-    write_atomically,
 )
 from atlantis_netcfg.journal.log import (
     NOT_RECORDED,

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.atomic_files import sync_directory
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched
-from atlantis_netcfg.core.eventlog import write_all
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -67,15 +66,6 @@ def make_private(path: Path) -> Path:
     return path
 
 
-def sync_directory(path: Path) -> None:
-    """Put a directory's entries on disk: a new file is only safe when its name is."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 def new_run(runs: Path, now: datetime, name: str = "", *, archive: Path | None = None) -> Path:
     """Make the folder of a run, named after its time, or after `name`; it is later than those that are there.
 
@@ -102,23 +92,6 @@ def run_order(name: str) -> tuple[str, int]:
     """Sort runs by time, and those of one time by number."""
     stamp, _, number = name.partition("-")
     return stamp, int(number) if number.isdecimal() else 1
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Replace a file so that a reader sees the old bytes or the new ones, never a part; mode 0600."""
-    scratch = path.with_name(f".{path.name}.{os.getpid()}")
-    descriptor = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    try:
-        try:
-            write_all(descriptor, data)
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-        scratch.replace(path)
-    except OSError:
-        scratch.unlink(missing_ok=True)
-        raise
-    sync_directory(path.parent)
 
 
 @contextmanager

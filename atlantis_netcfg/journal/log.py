@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.eventlog import EventLog, split
 from atlantis_netcfg.journal.files import (
     JournalFailed,
@@ -21,7 +22,6 @@ from atlantis_netcfg.journal.files import (
     os_errors_as,
     unwritable,
     vanished,
-    write_atomically,
 )
 from atlantis_netcfg.journal.records import Record, StateConfirmed, StateSaved
 

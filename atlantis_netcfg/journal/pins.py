@@ -8,7 +8,8 @@ import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.journal.files import PinsDamaged, make_private, os_errors_as, write_atomically
+from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
+from atlantis_netcfg.journal.files import PinsDamaged, make_private, os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,7 +71,7 @@ class Pins:
     def _writing(self) -> Iterator[dict[str, str]]:
         with os_errors_as("the file of pinned certificates", self._path):
             make_private(self._path.parent)
-            guard = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            guard = open_lock(self._path.with_suffix(".lock"))
             try:
                 fcntl.flock(guard, fcntl.LOCK_EX)
                 before = self._read()

@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Self
 
+from atlantis_netcfg.core.atomic_files import open_lock, sync_directory, write_atomically
 from atlantis_netcfg.core.eventlog import write_all
-from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.journal.files import (
     NoSuchRun,
     SiteBusy,
@@ -23,7 +23,6 @@ from atlantis_netcfg.journal.files import (
     new_run,
     os_errors_as,
     run_order,
-    sync_directory,
 )
 from atlantis_netcfg.journal.log import Journal, utc_now
 from atlantis_netcfg.journal.pins import Pins
@@ -79,7 +78,7 @@ class SiteLock:
     def __enter__(self) -> Self:
         with os_errors_as("the site lock", self._path):
             make_private(self._path.parent)
-            self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            self._descriptor = open_lock(self._path)
         try:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -256,7 +255,7 @@ class Store:
         directory = self._runs(site) / component(run)
         if not directory.is_dir():
             return False
-        write_private(directory / RESULT, result)
+        write_atomically(directory / RESULT, result)
         return True
 
     def runs(self, site: str) -> tuple[Run, ...]:

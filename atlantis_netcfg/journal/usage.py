@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
-from atlantis_netcfg.journal.files import StateDamaged, make_private, os_errors_as, write_atomically
+from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
+from atlantis_netcfg.journal.files import StateDamaged, make_private, os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -126,7 +127,7 @@ class Usage:
     def _writing(self) -> Iterator[dict[str, _BearerUsage]]:
         with os_errors_as(_WHAT, self._path):
             make_private(self._path.parent)
-            guard = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            guard = open_lock(self._path.with_suffix(".lock"))
             try:
                 fcntl.flock(guard, fcntl.LOCK_EX)
                 bearers = self._read()

@@ -138,8 +138,7 @@ def _put(path: Path, text: str | None) -> None:
         sync_directory(path.parent)
         return
     mode = path.stat().st_mode & 0o777 if path.exists() else _READABLE
-    write_atomically(path, text.encode())
-    path.chmod(mode)
+    write_atomically(path, text.encode(), mode=mode)
 
 
 def declared_guest(declaration: Declaration, name: str) -> Guest | None:

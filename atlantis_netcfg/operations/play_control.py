@@ -58,8 +58,8 @@ class PlayControl:
     def take_signals(self) -> None:
         """Answer the stop signals from now on; Ansible sets handlers of its own when it makes a play.
 
-        A signal that this process was told to ignore (`nohup`) stays ignored. Raises KeyboardInterrupt if one came while
-        a module was imported: nothing has begun yet.
+        A signal that this process was told to ignore (`nohup`) stays ignored. Raises KeyboardInterrupt if one came
+        while a module was imported: nothing has begun yet.
         """
         if name := pending_stop():
             raise KeyboardInterrupt(name)

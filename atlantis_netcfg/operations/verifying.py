@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.cost import Preview, preview
 from atlantis_netcfg.core import paths, printable
+from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -172,5 +173,5 @@ def written(verified: VerifiedDevice, state: Path) -> VerifiedDevice:
     folder = paths.private_directory(state / "verify")
     file = folder / f"{verified.device}-{verified.at:%Y%m%dT%H%M%SZ}.json"
     result = replace(verified, file=file)
-    file.write_text(json.dumps(verified.as_json(), ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
+    write_atomically(file, f"{json.dumps(verified.as_json(), ensure_ascii=False, indent=1)}\n".encode())
     return result

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Final
 from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.bearers.cost import Tariff
+from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.qualify.judgement import QualifyProfile
 
@@ -134,9 +135,7 @@ class MeasuredRun(RunPart):
 
 def write_run(folder: Path, run: MeasuredRun) -> None:
     """Replace `run.json` of a run's folder at once."""
-    new = folder / f".{RUN_FILE}.new"
-    new.write_text(run.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    new.replace(folder / RUN_FILE)
+    write_atomically(folder / RUN_FILE, f"{run.model_dump_json(indent=1)}\n".encode())
 
 
 def read_run(folder: Path) -> MeasuredRun:

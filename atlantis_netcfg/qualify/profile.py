@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Final
 
 from pydantic import BaseModel, ConfigDict
 
+from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.qualify.figures import AnsweredPacket, answered_packets, percentile
 from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, read_run
@@ -318,9 +319,7 @@ def _rate(samples: Sequence[Sample], stream: str, headers: int) -> float | None:
 
 def write_profile(folder: Path, profile: LinkProfile) -> None:
     """Replace `profile.json` of a run's folder at once."""
-    new = folder / f".{PROFILE_FILE}.new"
-    new.write_text(profile.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    new.replace(folder / PROFILE_FILE)
+    write_atomically(folder / PROFILE_FILE, f"{profile.model_dump_json(indent=1)}\n".encode())
 
 
 def read_profile(path: Path) -> LinkProfile:

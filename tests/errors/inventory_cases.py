@@ -89,13 +89,17 @@ def _apply(edit: Edit, inventory: Path) -> None:
         path.write_text(text[: found[0].start()] + edit["new"] + text[found[0].end() :], encoding="utf-8")
 
 
+def opened(vaulted: str) -> str:
+    """Vaulted values of these cases are their text in hex, as in `!vault "$ANSIBLE_VAULT;1.1;AES256\\n6162"`."""
+    return bytes.fromhex(vaulted.split()[1]).decode()
+
+
 def told() -> str:
     """What a person reads who validates `inventory` in the current directory: its errors, else its warnings."""
     try:
-        findings = validate(Path("inventory"))
-        return (
-            report(findings) if findings else report(inventory_warnings(loaded(Path("inventory"))), warnings=True)
-        ) + "\n"
+        findings = validate(Path("inventory"), decrypt=opened)
+        warnings = () if findings else inventory_warnings(loaded(Path("inventory"), decrypt=opened))
+        return (report(findings) if findings else report(warnings, warnings=True)) + "\n"
     except NothingMatched as error:
         return f"{error}\n  -> {error.hint}\n"
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.atomic_files import draft_of
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import json_schema
 from atlantis_netcfg.declaration.findings import InventoryInvalid
@@ -38,7 +38,7 @@ def create(folder: Path, files: Mapping[str, str]) -> Declaration:
     """Write the files with their schemas and read them back; UsageError and InventoryInvalid leave nothing behind."""
     refuse_used(folder)
     target = folder.absolute()
-    scratch = target.with_name(f".{target.name}.{os.getpid()}")
+    scratch = draft_of(target)
     try:
         scratch.mkdir()
         for name, text in files.items():

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import BaseModel
 
+from atlantis_netcfg.core import passwords
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._yaml import SealedSecret
@@ -14,6 +15,14 @@ from atlantis_netcfg.declaration.findings import Finding, Mark
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+_LENGTH = 12
+_GUESSES = 10**10
+"""What zxcvbn calls very hard to guess; a recorded handshake of WPA2 takes a million guesses a second."""
+_JUDGED = 32
+"""Characters that are judged: longer secrets are keys, and judging all of one takes long."""
+_ASSIGNED = {("sim", "pin"), ("sim", "password")}
+"""Nobody here has chosen them: the provider has."""
 
 
 def in_clear(draft: Draft) -> Iterator[Finding]:
@@ -34,6 +43,32 @@ def printable(draft: Draft) -> Iterator[Finding]:
             if not isinstance(secret, SealedSecret) and not (secret.reveal() and secret.reveal().isprintable()):
                 message = f"`{path[-1]}` is empty, or has a line break or another control character"
                 yield draft.wrong(part, path, message, "make another one")
+
+
+def weak(draft: Draft) -> Iterator[Finding]:
+    """A secret that was opened is none of the examples, and not easy to guess."""
+    words = (*draft.sites, *draft.layout.hosts)
+    for part, model in _holders(draft):
+        for path, secret in _secrets(model):
+            if isinstance(draft.nodes[part].at(*path).value, Secret) and not isinstance(secret, SealedSecret):
+                message, hint = _weakness(str(path[-1]), secret.reveal(), words, chosen=path[-2:] not in _ASSIGNED)
+                if message:
+                    yield draft.wrong(part, path, message, hint)
+
+
+def _weakness(name: str, text: str, words: tuple[str, ...], *, chosen: bool) -> tuple[str, str]:
+    """What is wrong with a secret, and what to do; both empty if nothing is."""
+    if "EXAMPLE" in text.upper():
+        hint = "vault the real value; while there is none, write EXAMPLE-… without `!vault`"
+        return f"`{name}` is vaulted, but it is still an example", hint
+    if not (chosen and text and text.isprintable()):  # for the latter two see above
+        return "", ""
+    hint = f"make a random one (openssl rand -base64 18), then ansible-vault encrypt_string --stdin-name {name}"
+    if len(text) < _LENGTH:
+        return f"`{name}` has fewer than {_LENGTH} characters", hint
+    if passwords.guesses(text[:_JUDGED], words)[0] < _GUESSES:
+        return f"`{name}` is easy to guess", hint
+    return "", ""
 
 
 def _holders(draft: Draft) -> Iterator[tuple[Part, BaseModel]]:
@@ -82,4 +117,4 @@ def examples_left(draft: Draft) -> Iterator[Finding]:
         yield Finding.at(mark, f"{words} {verb} marked as an example, {but}", hint)
 
 
-RULES: tuple[Rule, ...] = (in_clear, printable, examples_left)
+RULES: tuple[Rule, ...] = (in_clear, printable, weak, examples_left)

@@ -229,7 +229,7 @@ def _hosted(device: ServerComputer) -> list[tuple[HostedService, ServiceProgram]
 
 def _target(machine: lab.Machine, folder: Path) -> Target:
     known = folder / f"{machine.name}.known"
-    known.write_text(f"{machine.name} {machine.host_key}\n", encoding="utf-8")
+    write_atomically(known, f"{machine.name} {machine.host_key}\n".encode())
     return Target(host="127.0.0.1", port=machine.port, known_hosts=str(known), identity=str(folder / "key"))
 
 
@@ -237,8 +237,7 @@ def _key(path: Path) -> str:
     """Make the technician's key of this rehearsal; give its public half."""
     key = Ed25519PrivateKey.generate()
     private = key.private_bytes(_KEYS.PEM, serialization.PrivateFormat.OpenSSH, serialization.NoEncryption())
-    path.touch(mode=0o600)
-    path.write_bytes(private)
+    write_atomically(path, private)
     return key.public_key().public_bytes(_KEYS, serialization.PublicFormat.OpenSSH).decode() + " rehearsal"
 
 

@@ -131,7 +131,7 @@ class LinkRun:
         with self._transport() as (transport, source, flow):
             counted = CountedTransport(transport, self.stop, tunnel_headers=VPN_HEADERS if self.over_vpn else 0)
             guard = BudgetGuard(self._budget(), lambda: counted.now_ns() / 1e9, counted.headers)
-            with (self.folder / SAMPLES_FILE).open("a", encoding="utf-8") as file:
+            with (self.folder / SAMPLES_FILE).open("x", encoding="utf-8") as file:
                 peer = ReflectorPeer(self.far.key, self.clock.synchronised, self.clock.error_s, counts=self.far.is_ours)
                 measurement = Measurement(
                     self.plan, peer, counted, guard, SampleWriter(file), self._progress(router.name)

@@ -10,14 +10,14 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import re
 import time
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Self
 
+from atlantis_netcfg.core.atomic_files import DRAFT, open_lock, sync_directory, write_atomically
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.journal import LockHolder, sync_directory
+from atlantis_netcfg.journal import LockHolder
 from atlantis_netcfg.vpn.identity import Certificate, ClientSystem, KeyType, Member, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
@@ -193,7 +193,6 @@ SERVER_CERT = f"{SERVER}/server.crt"
 SERVER_KEY = f"{SERVER}/server.key"
 TLS_CRYPT_V2 = f"{SERVER}/tls-crypt-v2.key"
 TLS_CRYPT = f"{SERVER}/tls-crypt.key"
-_SCRATCH = re.compile(r"\..+\.[0-9]+")
 
 
 def folders(folder: Path) -> None:
@@ -214,13 +213,14 @@ def restore_copies(folder: Path, issued: Iterable[Issued]) -> None:
         path = folder / CERTS / f"{item.common_name}.pem"
         data = copy_of(item)
         if _read(path) != data:
-            _write_copy(path, data)
+            # Nothing waits for the disk: what a power cut takes is made again from the ledger.
+            write_atomically(path, data, durable=False)
 
 
 def sweep(folder: Path) -> None:
     """Remove what killed commands had not put in place: it may be half a file, or hold a key."""
     for path in folder.rglob(".*"):
-        if _SCRATCH.fullmatch(path.name) and not path.is_dir():
+        if DRAFT.fullmatch(path.name) and not path.is_dir():
             path.unlink(missing_ok=True)
 
 
@@ -228,19 +228,6 @@ def forget(path: Path) -> None:
     """Remove a file for good."""
     path.unlink(missing_ok=True)
     sync_directory(path.parent)
-
-
-def _write_copy(path: Path, data: bytes) -> None:
-    """Whole or not at all, but nothing waits for the disk: what a power cut takes is made again from the ledger."""
-    scratch = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        descriptor = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-        scratch.replace(path)
-    except OSError:
-        scratch.unlink(missing_ok=True)
-        raise
 
 
 def _read(path: Path) -> bytes | None:
@@ -269,8 +256,7 @@ class Lock:
 
     def __enter__(self) -> Self:
         with os_errors_as("the authority cannot be locked"):
-            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
-            self._descriptor = os.open(self._path, flags, 0o600)
+            self._descriptor = open_lock(self._path)
             try:
                 self._wait()
                 self.left = os.fstat(self._descriptor).st_size > 0

@@ -13,7 +13,6 @@ locks everybody out. So nothing is put in place that was not read back and found
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -26,7 +25,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID, ExtensionOID, NameOID
 
-from atlantis_netcfg.journal import sync_directory
+from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.vpn.identity import KeyType
 from atlantis_netcfg.vpn.pki.keys import (
     CertificateRefused,
@@ -311,14 +310,7 @@ def publish(  # noqa: PLR0913 - a list, and what it is checked against
     modified = int(now.timestamp())
     if path.exists():
         modified = max(modified, int(path.stat().st_mtime) + 1)
-    scratch = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        _write(scratch, pem, modified, mode)
-        scratch.replace(path)
-    except OSError:
-        scratch.unlink(missing_ok=True)
-        raise
-    sync_directory(path.parent)
+    write_atomically(path, pem, mode=mode, modified=modified)
     return facts
 
 
@@ -371,15 +363,3 @@ def _refuse(why: str) -> NoReturn:
         f"the revocation list was not published: {why}",
         hint="look at this computer's clock, then sign a new one: provision vpn sync --sign",
     )
-
-
-def _write(path: Path, data: bytes, modified: int, mode: int) -> None:
-    path.unlink(missing_ok=True)
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
-    with os.fdopen(descriptor, "wb", buffering=0) as file:
-        os.fchmod(descriptor, mode)
-        rest = memoryview(data)
-        while rest:
-            rest = rest[file.write(rest) :]
-        os.utime(descriptor, (modified, modified))
-        os.fsync(descriptor)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import pyrage
 
+from atlantis_netcfg.core import passwords
 from atlantis_netcfg.vpn.pki.keys import RecipientRefused, SealDamaged, SealTooLarge, WeakPassphrase, WrongPassphrase
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ SEAL_GUESSES = 10**12
 """So many a thousand computers try in thirty years, at a second each. Nobody counts guesses at a file."""
 VAULT_GUESSES = 10**16
 """The same for ten thousand rounds of SHA-256."""
-_ESTIMATED = 72
-"""Characters that zxcvbn takes; what comes after them makes a passphrase no weaker."""
 _SCRYPT = re.compile(rb"-> scrypt \S+ ([0-9]{1,2})\n")
 _MEMORY = Path("/proc/meminfo")
 _ARMOR = re.compile(
@@ -72,16 +71,13 @@ def opening_bytes(sealed: bytes) -> int:
 
 def check_passphrase(passphrase: Secret, guesses: int) -> None:
     """Raise WeakPassphrase for one that a guesser finds with fewer."""
-    from zxcvbn import zxcvbn  # noqa: PLC0415 - its lists of words are read when it is imported
-
     text = passphrase.reveal()
     if not text:
         raise WeakPassphrase("the passphrase is empty", hint=_STRONGER)
-    found = zxcvbn(text[:_ESTIMATED], user_inputs=["atlantis", "netcfg", "provision", "openvpn"])
-    if found["guesses"] < guesses:
-        why = found["feedback"]["warning"].rstrip(".").lower()
+    estimate, why = passwords.guesses(text)
+    if estimate < guesses:
         raise WeakPassphrase(
-            f"the passphrase is too weak: about {_power(found['guesses_log10'])} guesses find it, and "
+            f"the passphrase is too weak: about {_power(math.log10(estimate))} guesses find it, and "
             f"{_power(math.log10(guesses))} are needed" + (f" ({why})" if why else ""),
             hint=_STRONGER,
         )

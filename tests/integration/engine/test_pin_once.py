@@ -1,6 +1,5 @@
 """A PIN reaches a SIM only while it asks, and a wrong one at most once, however often the run is repeated."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -157,7 +156,8 @@ def test_a_plan_sends_nothing(tmp_path: Path) -> None:
 def test_nothing_is_sent_where_it_cannot_be_noted(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         path = TriedPin(bench.store.root, "coastal", "router").path
-        path.with_name(f".{path.name}.{os.getpid()}").mkdir(parents=True)  # in the way of the file that is renamed
+        path.parent.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.symlink_to("nowhere")  # in the way of its folder
         found = await once(bench)
         assert found.status == "left-as-found"
         assert "it cannot be noted that a PIN is tried" in found.message

@@ -254,9 +254,9 @@ def test_the_key_is_made_once_and_private(desk: Desk) -> None:
 def test_two_processes_make_the_key_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other, path = SigningKey.made(tmp_path / "other"), tmp_path / "checklist.key"
 
-    def outrun(scratch: Path, data: bytes) -> None:
-        write_atomically(scratch, data)
+    def outrun(own: Path, data: bytes, *, replace: bool) -> None:
         write_atomically(path, (tmp_path / "other").read_bytes())
+        write_atomically(own, data, replace=replace)
 
     monkeypatch.setattr(_signing, "write_atomically", outrun)
     assert SigningKey.made(path).fingerprint == other.fingerprint

@@ -151,7 +151,7 @@ def _wrong(_text: str) -> str:
 @pytest.mark.parametrize(
     ("decrypt", "expected"),
     [
-        (lambda _: "a-real-secret", ["PASS vault: the password opens all 2 encrypted values"]),
+        (lambda _: "a-real-secret-of-the-quay", ["PASS vault: the password opens all 2 encrypted values"]),
         (no_password, ["INCONCLUSIVE vault: there is no password", "  name a file"]),
     ],
 )

@@ -148,8 +148,8 @@ class TestVault:
 
     def test_opened(self, inventory: Path) -> None:
         vault_password(inventory)
-        declaration = load(inventory, decrypt=lambda text: text.splitlines()[1] + " opened\n")
-        assert vpn_password(declaration).reveal() == "3063 opened"
+        declaration = load(inventory, decrypt=lambda text: text.splitlines()[1] + " opened by the vault\n")
+        assert vpn_password(declaration).reveal() == "3063 opened by the vault"
 
     def test_wrong_password(self, inventory: Path) -> None:
         def refuse(text: str) -> str:

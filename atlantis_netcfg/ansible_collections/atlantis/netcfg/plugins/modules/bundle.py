@@ -165,8 +165,10 @@ class BundleStore:
     def _keep(self, item: StoredFile, content: IO[bytes]) -> None:
         scratch = os.path.join(self._store, ".new")
         digest = hashlib.sha256()
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(scratch)
         try:
-            with open(scratch, "wb") as file:
+            with open(scratch, "xb") as file:
                 for chunk in iter(lambda: content.read(_CHUNK), b""):
                     digest.update(chunk)
                     file.write(chunk)

@@ -1,0 +1,28 @@
+"""Where a bundle is made: nobody who may write to the folder above can have it made elsewhere."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from atlantis_netcfg.bundle.build import workshop
+from atlantis_netcfg.bundle.requirements import BundleRefused
+from atlantis_netcfg.core.errors import UsageError
+
+
+def test_no_link_is_followed_to_where_a_bundle_is_made(tmp_path: Path) -> None:
+    victim = tmp_path / "victim"
+    victim.mkdir()
+    (tmp_path / ".bundle.part").symlink_to(victim)
+    with pytest.raises(BundleRefused, match="cannot be made"), workshop(tmp_path / "bundle"):
+        pass
+    assert [*victim.iterdir()] == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder away")
+def test_no_bundle_is_made_in_a_folder_of_somebody_else(tmp_path: Path) -> None:
+    (tmp_path / ".bundle.part").mkdir()
+    os.chown(tmp_path / ".bundle.part", 65534, 65534)
+    with pytest.raises(UsageError, match="belongs to nobody"), workshop(tmp_path / "bundle"):
+        pass
+    assert [*(tmp_path / ".bundle.part").iterdir()] == []
