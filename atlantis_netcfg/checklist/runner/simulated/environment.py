@@ -31,11 +31,13 @@ from atlantis_netcfg.checklist.probes import (
     Reflected,
     ReflectRequest,
     ReflectResult,
+    RouterAdvertisements,
+    RouterSolicitRequest,
     RunProgram,
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.step import DhcpOffer
+from atlantis_netcfg.checklist.probes.step import DhcpOffer, RouterAdvertisement
 from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, unanswered
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
@@ -121,8 +123,8 @@ class RehearsedEars:
             return unanswered(question, _NOBODY)
         if isinstance(question, RunProgram):
             return self._ran(question, self.computer)
-        if isinstance(question, DhcpDiscoverRequest):
-            return self._offered(question, self.computer)
+        if isinstance(question, DhcpDiscoverRequest | RouterSolicitRequest):
+            return self._of_segment(question, self.computer)
         if isinstance(question, DdsDiscoverRequest):
             return self._discovered(question, self.computer)
         if isinstance(question, ReflectRequest):
@@ -160,6 +162,11 @@ class RehearsedEars:
             return ReflectResult(Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address")
         return ReflectResult(None, "", tokens, tuple(Reflected(*row) for row in found))
 
+    def _of_segment(self, question: DhcpDiscoverRequest | RouterSolicitRequest, computer: Computer) -> Answer:
+        if isinstance(question, RouterSolicitRequest):
+            return self._advertised(question, computer)
+        return self._offered(question, computer)
+
     @staticmethod
     def _offered(question: DhcpDiscoverRequest, computer: Computer) -> DhcpOffers:
         found = computer.offers(question.interface, question.cards)
@@ -167,6 +174,16 @@ class RehearsedEars:
             return DhcpOffers(Trouble.MISSING, f"this computer has no interface {question.interface}")
         offers = (DhcpOffer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in found)
         return DhcpOffers(None, "", tuple(offers))
+
+    @staticmethod
+    def _advertised(question: RouterSolicitRequest, computer: Computer) -> RouterAdvertisements:
+        found = computer.routers(question.interface)
+        if found is None:
+            return RouterAdvertisements(Trouble.MISSING, f"this computer has no interface {question.interface}")
+        routers = (
+            RouterAdvertisement(item.address, item.mac.lower(), item.lifetime_s, item.prefixes) for item in found
+        )
+        return RouterAdvertisements(None, "", tuple(routers))
 
 
 @dataclass(frozen=True, slots=True)
