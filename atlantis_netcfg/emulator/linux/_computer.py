@@ -253,7 +253,7 @@ class Computer:
 
         It is asked in the name of the interface, of `cards`, and of one that nobody knows.
         """
-        item = self._asked(interface)
+        item = self._segment_interface(interface)
         if item is None:
             return None
         requested = {card.lower() for card in (item.mac or "", *cards)}
@@ -264,12 +264,12 @@ class Computer:
 
     def routers(self, interface: str) -> tuple[AdvertisementSpec, ...] | None:
         """Who answers a router solicitation on an interface, named as for `offers`; None: no such interface."""
-        item = self._asked(interface)
+        item = self._segment_interface(interface)
         if item is None:
             return None
         return self.spec.routers.get(item.name, ()) if item.up else ()
 
-    def _asked(self, word: str) -> InterfaceSpec | None:
+    def _segment_interface(self, word: str) -> InterfaceSpec | None:
         """The interface of this name, or the one that has this address."""
         item = self.spec.interface(word)
         return self.spec.holding(word) if item is None and word[:1].isdigit() else item

@@ -142,18 +142,13 @@ def read_result(result: Mapping[str, Any], question: Question, requested: float,
         )
         return ReflectResult(trouble, words, tuple(result.get("tokens", ())), answers)
     if isinstance(question, RouterSolicitRequest):
-        return RouterAdvertisements(trouble, words, tuple(_routers(result.get("routers", ()))))
+        rows = ({**row, "prefixes": tuple(row["prefixes"])} for row in result.get("routers", ()))
+        return RouterAdvertisements(trouble, words, tuple(RouterAdvertisement(**row) for row in rows))
     return DhcpOffers(trouble, words, tuple(_offers(result.get("offers", ()))))
 
 
 def _offers(result: Iterable[Mapping[str, Any]]) -> Iterable[DhcpOffer]:
     return (DhcpOffer(**{name: row[name] for name in ("server", "mac", "address", "router")}) for row in result)
-
-
-def _routers(result: Iterable[Mapping[str, Any]]) -> Iterable[RouterAdvertisement]:
-    return (
-        RouterAdvertisement(row["address"], row["mac"], row["lifetime_s"], tuple(row["prefixes"])) for row in result
-    )
 
 
 def _bytes(packed: str | list[str]) -> bytes:

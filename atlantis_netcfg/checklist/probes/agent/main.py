@@ -107,8 +107,7 @@ _DISCOVER, _OFFER = 1, 2
 _ROUTER, _TYPE, _SERVER, _REQUESTED = 3, 53, 54, 55
 _BROADCAST = b"\xff" * 6
 _ROUNDS = 2
-_MOST_ANSWERS = 200
-"""Of a segment, that are kept."""
+_MOST_OFFERS = 200
 
 
 def probing(question: dict[str, Any]) -> dict[str, Any]:
@@ -118,7 +117,9 @@ def probing(question: dict[str, Any]) -> dict[str, Any]:
         named = [bytes.fromhex(card.replace(":", "")) for card in question.get("cards", ())]
         cards = list(dict.fromkeys([mac, _nobody(mac), *named]))
         requests = [_frame(mac, card, number) for card in cards]
-        offers = _answers(wire, requests, lambda frame: _offer(frame, cards, number), question["within_s"])
+        offers = _answers(
+            wire, requests, lambda frame: _offer(frame, cards, number), question["within_s"], _MOST_OFFERS
+        )
     return {"trouble": None, "words": "", "offers": offers}
 
 
@@ -179,36 +180,24 @@ def _answers(
     requests: list[bytes],
     read: Callable[[bytes], dict[str, Any] | None],
     within_s: float,
-    most: int = _MOST_ANSWERS,
+    most: int,
 ) -> list[dict[str, Any]]:
     """Send the requests, and keep each different answer, until the time is over or there are so many."""
     found: list[dict[str, Any]] = []
     for _ in range(_ROUNDS):  # a frame may be lost
         for request in requests:
             wire.send(request)
-        _listen(wire, read, time.monotonic() + within_s / _ROUNDS, found, most)
+        ends = time.monotonic() + within_s / _ROUNDS
+        while len(found) < most and (left := ends - time.monotonic()) > 0:
+            wire.settimeout(left)
+            try:
+                frame, where = wire.recvfrom(65535)
+            except socket.timeout:
+                break
+            answer = None if where[2] == _OUTGOING else read(frame)
+            if answer is not None and answer not in found:
+                found.append(answer)
     return found
-
-
-def _listen(
-    wire: socket.socket,
-    read: Callable[[bytes], dict[str, Any] | None],
-    ends: float,
-    found: list[dict[str, Any]],
-    most: int,
-) -> None:
-    while len(found) < most:
-        left = ends - time.monotonic()
-        if left <= 0:
-            return
-        wire.settimeout(left)
-        try:
-            frame, where = wire.recvfrom(65535)
-        except socket.timeout:
-            return
-        answer = None if where[2] == _OUTGOING else read(frame)
-        if answer is not None and answer not in found:
-            found.append(answer)
 
 
 def _offer(frame: bytes, cards: list[bytes], number: bytes) -> dict[str, str | None] | None:
@@ -246,9 +235,9 @@ def _address(four: bytes) -> str | None:
     return socket.inet_ntoa(four) if len(four) == 4 else None  # noqa: PLR2004 - an IPv4 address
 
 
-_IPV6, _ICMPV6 = 0x86DD, 58
-_SOLICITATION, _ADVERTISEMENT, _PREFIX = 133, 134, 3
-_ALL_ROUTERS, _ALL_NODES = "ff02::2", bytes.fromhex("333300000001")
+_IPV6, _PREFIX, _ALL_NODES = 0x86DD, 3, bytes.fromhex("333300000001")
+_ADVERTISEMENT = bytes([58, 255, 134, 0])
+"""ICMPv6, a hop limit that no router has lowered, type and code."""
 _SOL_PACKET, _ADD_MEMBERSHIP = 263, 1
 """Of packet(7): the card then lets multicast frames of one address in."""
 _MOST_ROUTERS, _MOST_PREFIXES = 20, 8
@@ -267,22 +256,15 @@ def solicit(question: dict[str, Any]) -> dict[str, Any]:
 
 def _solicitation(mac: bytes) -> bytes:
     """Ethernet, IPv6 from the unspecified address, ICMPv6 without options (RFC 4861, 4.1)."""
-    ends, size = bytes(16) + socket.inet_pton(socket.AF_INET6, _ALL_ROUTERS), 8
-    body = struct.pack("!BBHI", _SOLICITATION, 0, 0, 0)
-    checksum = _checksum(ends + struct.pack("!II", size, _ICMPV6) + body)
-    ip = struct.pack("!IHBB", 6 << 28, size, _ICMPV6, 255) + ends
-    ethernet = b"\x33\x33" + ends[-4:] + mac + struct.pack("!H", _IPV6)
-    return ethernet + ip + struct.pack("!BBHI", _SOLICITATION, 0, checksum, 0)
+    routers = socket.inet_pton(socket.AF_INET6, "ff02::2")
+    ip = bytes.fromhex("86dd60000000 0008 3aff") + bytes(16) + routers
+    return b"\x33\x33" + routers[-4:] + mac + ip + bytes.fromhex("8500 7bb8 00000000")  # with its checksum
 
 
 def _advertisement(frame: bytes) -> dict[str, Any] | None:
     """Read a frame; None if it is no router advertisement of this segment (RFC 4861, 6.1.2)."""
     end = 54 + int.from_bytes(frame[18:20], "big")
-    if (
-        frame[20:22] != bytes([_ICMPV6, 255])
-        or frame[54:56] != bytes([_ADVERTISEMENT, 0])
-        or not _OPTIONS <= end <= len(frame)
-    ):
+    if frame[20:22] + frame[54:56] != _ADVERTISEMENT or not _OPTIONS <= end <= len(frame):
         return None
     prefixes: list[str] = []
     options = frame[_OPTIONS:end]

@@ -439,8 +439,11 @@ class _RogueDhcp:
         strange = [card for card in cards if known not in {None, card}]
         for stranger in strangers.values():
             sender = _sender(self.site, stranger.server, stranger.mac)
-            message = f"{sender} hands out addresses on the LAN, too: {_offer_text(stranger)}"
-            yield fail("rogue-dhcp", message, _DHCP_HINT)
+            yield fail(
+                "rogue-dhcp",
+                f"{sender} hands out addresses on the LAN, too: {_offer_text(stranger)}",
+                _DHCP_HINT,
+            )
         if len(cards) > 1:
             message = f"two cards hand out addresses as the router {local}: {cards[0]} and {cards[1]}"
             yield fail("router-twice", message, "one of them is not the router: find it by its card, and unplug it")
@@ -505,10 +508,8 @@ class _RogueRouter:
         evidence = tuple(
             measured(f"router advertisement of {item.address}", _advertisement_text(item)) for item in found
         )
-        strangers = {(item.address, item.mac): item for item in found}.values()
         words = f"no IPv6 router answered 2 router solicitations on the LAN within {_SOLICIT_S:g} s"
-        fine = good("no-other-router", words)
-        return Judged(tuple(self._finding(item) for item in strangers) or (fine,), evidence)
+        return Judged(tuple(self._finding(item) for item in found) or (good("no-other-router", words),), evidence)
 
     def _finding(self, router: RouterAdvertisement) -> BearerFinding:
         sender = _sender(self.site, router.address, router.mac)

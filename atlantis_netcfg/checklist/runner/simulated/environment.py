@@ -162,28 +162,21 @@ class RehearsedEars:
             return ReflectResult(Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address")
         return ReflectResult(None, "", tokens, tuple(Reflected(*row) for row in found))
 
-    def _of_segment(self, question: DhcpDiscoverRequest | RouterSolicitRequest, computer: Computer) -> Answer:
-        if isinstance(question, RouterSolicitRequest):
-            return self._advertised(question, computer)
-        return self._offered(question, computer)
-
     @staticmethod
-    def _offered(question: DhcpDiscoverRequest, computer: Computer) -> DhcpOffers:
+    def _of_segment(question: DhcpDiscoverRequest | RouterSolicitRequest, computer: Computer) -> Answer:
+        """What answers a question that goes to everybody on the segment of an interface."""
+        absent = f"this computer has no interface {question.interface}"
+        if isinstance(question, RouterSolicitRequest):
+            known = computer.routers(question.interface)
+            if known is None:
+                return RouterAdvertisements(Trouble.MISSING, absent)
+            routers = (RouterAdvertisement(r.address, r.mac.lower(), r.lifetime_s, r.prefixes) for r in known)
+            return RouterAdvertisements(None, "", tuple(routers))
         found = computer.offers(question.interface, question.cards)
         if found is None:
-            return DhcpOffers(Trouble.MISSING, f"this computer has no interface {question.interface}")
+            return DhcpOffers(Trouble.MISSING, absent)
         offers = (DhcpOffer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in found)
         return DhcpOffers(None, "", tuple(offers))
-
-    @staticmethod
-    def _advertised(question: RouterSolicitRequest, computer: Computer) -> RouterAdvertisements:
-        found = computer.routers(question.interface)
-        if found is None:
-            return RouterAdvertisements(Trouble.MISSING, f"this computer has no interface {question.interface}")
-        routers = (
-            RouterAdvertisement(item.address, item.mac.lower(), item.lifetime_s, item.prefixes) for item in found
-        )
-        return RouterAdvertisements(None, "", tuple(routers))
 
 
 @dataclass(frozen=True, slots=True)
