@@ -71,8 +71,10 @@ ACCEPT_CHRONY = (
 _SET_KERNEL = f"""\
 while read -r key equals value; do
     case "$key" in ''|'#'*) continue ;; esac
-    place="/proc/sys/$(printf %s "$key" | tr . /)"
-    printf %s "$value" > "$place" 2>/dev/null || echo "note: this kernel does not let $key be set to $value"
+    for place in /proc/sys/$(printf %s "${{key#-}}" | tr . /); do
+        [ "$key" = "${{key#-}}" ] || [ -e "$place" ] || continue
+        printf %s "$value" > "$place" 2>/dev/null || echo "note: this kernel does not let $key be set to $value"
+    done
 done < {SYSCTL}
 """
 _OBEYS = f"""\
@@ -170,6 +172,8 @@ class BaseView:
     """Links of the site on which every byte costs."""
     watchdog_s: int | None
     neighbours: tuple[DeclaredNeighbour, ...]
+    interfaces: tuple[str, ...]
+    """All that are declared by name: of the LAN and of the radios."""
     radios: tuple[str, ...]
     """Interfaces in the networks of robots, from which and to which nothing is forwarded."""
     opened: str | None
@@ -184,7 +188,7 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
     assert isinstance(device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
     site = declaration.sites[host.site]
     lan, vpn = site.lan.network, declaration.pilot.vpn.network
-    opened = radios.opened_radio(host)
+    opened, air = radios.opened_radio(host), radios.interfaces(declaration, host)
     return BaseView(
         name=host.name,
         site=host.site,
@@ -201,7 +205,8 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         metered=tuple(bearer.name for bearer in site.bearers if bearer.metered),
         watchdog_s=device.watchdog_s,
         neighbours=_neighbours(declaration, host),
-        radios=radios.interfaces(declaration, host),
+        interfaces=(*(() if device.network is None else (device.network.interface,)), *air),
+        radios=air,
         opened=None if opened is None else opened.interface,
         way_out=None if opened is None or not opened.vpn else _way_out(declaration, opened),
     )
@@ -298,6 +303,8 @@ _CHRONY = "/etc/chrony/chrony.conf"
 _FIREWALL = "/etc/nftables.conf"
 _GPS = "/etc/default/gpsd"
 _JOURNAL = "/etc/systemd/journald.conf.d/atlantis.conf"
+_RESOLVED = "/etc/systemd/resolved.conf.d/60-atlantis.conf"
+"""Of a program that not every computer has: elsewhere nobody reads it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,6 +393,7 @@ def _files(view: BaseView) -> Iterator[File]:
         _file(view, "/etc/apt/apt.conf.d/90atlantis", "apt.conf.j2", ("apt-config", "-c", "%s", "dump")),
         _file(view, _JOURNAL, "journald.conf.j2"),
         _file(view, SYSCTL, "sysctl.conf.j2"),
+        _file(view, _RESOLVED, "resolved.conf.j2"),
         File(CLOUD_INIT, "# atlantis: name, address and accounts are those of the declaration.\n"),
         File(
             _FIREWALL,
@@ -418,6 +426,7 @@ def _text(view: BaseView, template: str) -> str:
 def _units(view: BaseView) -> Iterator[Unit]:
     yield from (
         Unit("systemd-journald.service", after=(_JOURNAL,)),
+        Unit("systemd-resolved.service", after=(_RESOLVED,)),
         Unit("systemd-timesyncd.service", enabled=False, active=False),
         Unit("chrony.service", enabled=True, active=True, after=(_CHRONY,)),
         Unit("nftables.service", enabled=True, active=True, after=(_FIREWALL,), reload=True),

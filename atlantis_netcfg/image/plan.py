@@ -193,6 +193,7 @@ def _netplan(request: ImageRequest) -> str:
         "  ethernets:",
         "    lan:",
         f"      match: {{name: {_match(request)}}}",
+        "      accept-ra: false",
     ]
     if request.static is None:
         rows.append("      dhcp4: true")
@@ -210,22 +211,27 @@ def _match(request: ImageRequest) -> str:
     return request.interface or '"e*"'
 
 
+_NO_ADVERTISEMENTS = "    pre-up sysctl -qew net/ipv6/conf/$IFACE/accept_ra=0 || true\n"
+"""No route comes from a router advertisement; ifupdown has a word for that only where IPv6 is configured."""
+
+
 def _interfaces(request: ImageRequest) -> str:
     name = request.interface
     start = f"{_HEADER}\nauto lo\niface lo inet loopback\n\nallow-hotplug {name}\n"
     if request.static is None:
-        return f"{start}iface {name} inet dhcp\n"
+        return f"{start}iface {name} inet dhcp\n{_NO_ADVERTISEMENTS}"
     return (
         f"{start}iface {name} inet static\n"
         f"    address {request.static.address}\n    gateway {request.static.gateway}\n"
         f"    dns-nameservers {request.static.gateway}\n    dns-search {request.static.domain}\n"
+        f"{_NO_ADVERTISEMENTS}"
     )
 
 
 def _profile(request: ImageRequest) -> str:
     name = f"interface-name={request.interface}\n" if request.interface else ""
     head = f"{_HEADER}\n[connection]\nid=atlantis\ntype=ethernet\nautoconnect-priority=100\n"
-    return f"{head}{name}\n{_ipv4(request.static)}"
+    return f"{head}{name}\n{_ipv4(request.static)}\n[ipv6]\nmethod=link-local\n"
 
 
 def _ipv4(static: StaticNetwork | None) -> str:
@@ -239,6 +245,7 @@ def _ipv4(static: StaticNetwork | None) -> str:
 
 def _networkd(request: ImageRequest) -> str:
     start = f"{_HEADER}\n[Match]\nName={request.interface or 'e*'}\n\n[Network]\n"
+    start += "IPv6AcceptRA=no\nLLMNR=no\nMulticastDNS=no\n"
     if request.static is None:
         return f"{start}DHCP=ipv4\n"
     address, gateway, domain = request.static.address, request.static.gateway, request.static.domain

@@ -55,6 +55,16 @@ _SEEN_PROGRAM = "/usr/local/lib/atlantis/vpn_seen.py"
 _SYSCTL = "/etc/sysctl.d/60-atlantis-vpn.conf"
 
 _NO_REDIRECTS = 'for interface in /proc/sys/net/ipv4/conf/*/send_redirects; do echo 0 > "$interface" || exit; done'
+_FROM_OTHER_ROUTERS = tuple(
+    f"{family}.conf.{interface}.{key}"
+    for family, keys in (
+        ("ipv4", ("accept_redirects", "secure_redirects")),
+        ("ipv6", ("accept_redirects", "accept_ra")),
+    )
+    for key in keys
+    for interface in ("all", "default", "*")
+)
+"""What a kernel takes from routers that nobody declared."""
 KERNEL_STEPS = (
     ConvergeStep("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),
     ConvergeStep("send members no ICMP redirects", ("sh", "-c", _NO_REDIRECTS), (_SYSCTL,)),
@@ -69,7 +79,8 @@ def system_files() -> Iterator[File]:
         "# Nobody is told of a way past it: an ICMP redirect would send members to each other.\n"
         "net.ipv4.conf.all.send_redirects = 0\nnet.ipv4.conf.default.send_redirects = 0\n"
         "# Of interfaces that are there before this is read; a program that knows no pattern leaves it out.\n"
-        "-net.ipv4.conf.*.send_redirects = 0\n",
+        "-net.ipv4.conf.*.send_redirects = 0\n"
+        "# And nobody changes its own routes.\n" + "".join(f"-net.{key} = 0\n" for key in _FROM_OTHER_ROUTERS),
     )
     yield File(_DROP_IN, _render("hardening.conf.j2"))
     yield File(f"{_UNITS}/{_FIREWALL_UNIT}", _render("firewall.service.j2", firewall=FIREWALL))

@@ -70,6 +70,8 @@ def plain(answer: probes.Answer) -> Told:
             return {"bearer": copy.deepcopy(dict(answer.bearer or {}))}
         case probes.DhcpOffers():
             return {"offers": [(one.server, one.mac, one.address, one.router) for one in answer.offers]}
+        case probes.RouterAdvertisements():
+            return {"routers": [(one.address, one.mac, one.lifetime_s, one.prefixes) for one in answer.routers]}
         case probes.DdsDiscoverResult():
             return {"prefix": answer.prefix, "datagrams": answer.datagrams}
         case _:
@@ -84,6 +86,10 @@ def spoken(told: Told) -> probes.Answer:
     if "offers" in told:
         return probes.DhcpOffers(
             trouble, "", () if trouble else tuple(probes.DhcpOffer(*one) for one in told["offers"])
+        )
+    if "routers" in told:
+        return probes.RouterAdvertisements(
+            trouble, "", () if trouble else tuple(probes.RouterAdvertisement(*one) for one in told["routers"])
         )
     if "datagrams" in told:
         return probes.DdsDiscoverResult(trouble, "", told["prefix"], () if trouble else told["datagrams"])
@@ -162,6 +168,11 @@ def impostor(random: Random, told: dict[str, Told]) -> None:
 
 def nobody_offers(_random: Random, told: dict[str, Told]) -> None:
     told["offers"]["offers"] = []
+
+
+def router_heard(random: Random, told: dict[str, Told]) -> None:
+    lifetime_s, prefixes = random.choice(((1800, ()), (0, ("2001:db8:5::/64",)), (65535, ("fd00::/64", "::/0"))))
+    told["routers"]["routers"] = [(f"fe80::{random.randrange(1, 65536):x}", senders.card(random), lifetime_s, prefixes)]
 
 
 def another_card(random: Random, told: dict[str, Told]) -> None:
@@ -319,6 +330,7 @@ OWN: Mapping[str, Mapping[str, Lie]] = {
             "alerts", -1, *({"interface": "bridge-lan", "unknown-server": f"02:00:5E:00:09:{n:02X}"} for n in range(40))
         ),
     },
+    "rogue-router": {"a router answers": router_heard, "not asked": not_given("routers")},
     "duplicate-addresses": {
         "another card at a reserved address": another_card,
         "a second card": seen_too(lambda r: f"10.64.1.2{r.randrange(3, 5)}", senders.card),

@@ -115,6 +115,18 @@ class DhcpDiscoverRequest:
 
 
 @dataclass(frozen=True, slots=True)
+class RouterSolicitRequest:
+    """Ask a segment for its IPv6 routers: every advertisement is kept, and none is believed."""
+
+    name: str
+    place: Place
+    interface: str
+    """As of `DhcpDiscoverRequest`."""
+    within_s: float = 8.0
+    """Routers answer within 0.5 s, and within 3.5 s if they have just advertised (RFC 4861, 6.2.6)."""
+
+
+@dataclass(frozen=True, slots=True)
 class DdsDiscoverRequest:
     """Ask for the DDS participants at an address of the computer that asks: one without topics comes, and leaves."""
 
@@ -188,6 +200,7 @@ Question = (
     Listen
     | RunProgram
     | DhcpDiscoverRequest
+    | RouterSolicitRequest
     | DdsDiscoverRequest
     | ReflectRequest
     | RouterOsQuery
@@ -331,6 +344,28 @@ class DhcpOffers:
 
 
 @dataclass(frozen=True, slots=True)
+class RouterAdvertisement:
+    """What one IPv6 router says of itself (RFC 4861, 4.2)."""
+
+    address: str
+    mac: str
+    """Of the card that sent it, in lower case with colons."""
+    lifetime_s: int
+    """As a default router; 0: it is none."""
+    prefixes: tuple[str, ...] = ()
+    """From which computers give themselves addresses, or which they reach without a router."""
+
+
+@dataclass(frozen=True, slots=True)
+class RouterAdvertisements:
+    """Which IPv6 routers advertised themselves on a segment; without trouble and without routers: none."""
+
+    trouble: Trouble | None
+    words: str = ""
+    routers: tuple[RouterAdvertisement, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class DdsDiscoverResult:
     """What DDS participants have sent to one that announced itself; nothing without trouble: nobody answered."""
 
@@ -374,6 +409,7 @@ Answer = (
     | AllowListTestResult
     | LinkRecordResult
     | DhcpOffers
+    | RouterAdvertisements
     | DdsDiscoverResult
     | ReflectResult
 )

@@ -17,6 +17,7 @@ from atlantis_netcfg.checklist.probes import (
     Listen,
     ReflectRequest,
     RouterOsQuery,
+    RouterSolicitRequest,
     RunProgram,
 )
 from atlantis_netcfg.checklist.probes.registry import refused
@@ -62,7 +63,7 @@ def _unfit(entry: PlanEntry, question: Question) -> str | None:
         return f"`{question.query.path}` is no reading command"
     if isinstance(question, Listen):
         return _elsewhere(entry.cell, question) or refused(question, active=entry.item.kind is ItemKind.ACTIVE)
-    timed = DhcpDiscoverRequest | DdsDiscoverRequest | ReflectRequest
+    timed = DhcpDiscoverRequest | RouterSolicitRequest | DdsDiscoverRequest | ReflectRequest
     if isinstance(question, timed) and question.within_s > _LONGEST_S:
         return "it would take too long"
     if isinstance(question, ReflectRequest):

@@ -11,6 +11,7 @@ from __future__ import annotations
 from atlantis_netcfg.emulator.linux._computer import NOT_FOUND, Computer, lan_computer
 from atlantis_netcfg.emulator.linux._spec import (
     AddressSpec,
+    AdvertisementSpec,
     AssociationSpec,
     CertificateSpec,
     ComputerSpec,
@@ -29,6 +30,7 @@ __all__ = [
     "NOT_FOUND",
     "NOT_REHEARSED",
     "AddressSpec",
+    "AdvertisementSpec",
     "AssociationSpec",
     "CertificateSpec",
     "Computer",

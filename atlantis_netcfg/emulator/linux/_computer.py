@@ -16,6 +16,7 @@ from zoneinfo import ZoneInfo
 from atlantis_netcfg.emulator.linux._ip import ip, iw, lost, ping
 from atlantis_netcfg.emulator.linux._spec import (
     AddressSpec,
+    AdvertisementSpec,
     CertificateSpec,
     ComputerSpec,
     DdsSpec,
@@ -252,9 +253,7 @@ class Computer:
 
         It is asked in the name of the interface, of `cards`, and of one that nobody knows.
         """
-        item = self.spec.interface(interface)
-        if item is None and interface[:1].isdigit():
-            item = self.spec.holding(interface)
+        item = self._segment_interface(interface)
         if item is None:
             return None
         requested = {card.lower() for card in (item.mac or "", *cards)}
@@ -262,6 +261,18 @@ class Computer:
         return tuple(
             server for server in there if not server.knows or requested & {card.lower() for card in server.knows}
         )
+
+    def routers(self, interface: str) -> tuple[AdvertisementSpec, ...] | None:
+        """Who answers a router solicitation on an interface, named as for `offers`; None: no such interface."""
+        item = self._segment_interface(interface)
+        if item is None:
+            return None
+        return self.spec.routers.get(item.name, ()) if item.up else ()
+
+    def _segment_interface(self, word: str) -> InterfaceSpec | None:
+        """The interface of this name, or the one that has this address."""
+        item = self.spec.interface(word)
+        return self.spec.holding(word) if item is None and word[:1].isdigit() else item
 
     def participants(self, domain: int, address: str, asked_by: bytes) -> tuple[tuple[str, bytes], ...] | None:
         """Address and messages of the DDS participants that answer one who announces itself to an own address.

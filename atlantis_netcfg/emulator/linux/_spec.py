@@ -147,6 +147,15 @@ class OfferSpec(_Spec):
     """It answers these cards and nobody else; none: everybody."""
 
 
+class AdvertisementSpec(_Spec):
+    """What an IPv6 router of a segment says of itself."""
+
+    address: str
+    mac: str
+    lifetime_s: int = Field(default=1800, ge=0, le=65535)
+    prefixes: tuple[str, ...] = ()
+
+
 class CertificateSpec(_Spec):
     """A certificate in a file."""
 
@@ -181,6 +190,8 @@ class ComputerSpec(_Spec):
     """Address to who answers messages there; whoever is not named does not."""
     dhcp: dict[str, tuple[OfferSpec, ...]] = Field(default_factory=dict)
     """Interface to the servers that answer on its segment."""
+    routers: dict[str, tuple[AdvertisementSpec, ...]] = Field(default_factory=dict)
+    """Interface to the IPv6 routers that answer on its segment."""
     kernel: str = "6.1.0-28-arm64"
     """Its release, as `uname -r` prints it."""
     machine: str = "aarch64"

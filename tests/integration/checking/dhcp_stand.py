@@ -1,4 +1,4 @@
-"""A segment in a namespace of its own, with DHCP servers of Debian's dnsmasq on it.
+"""A segment in a namespace of its own, with DHCP servers and IPv6 routers of Debian's dnsmasq on it.
 
 from dhcp_stand import Segment, segment   # a fixture; the tests are marked `namespace`
 """
@@ -13,7 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import DhcpDiscoverRequest, DhcpOffers, Place
+from atlantis_netcfg.checklist.probes import (
+    DhcpDiscoverRequest,
+    DhcpOffers,
+    Place,
+    RouterAdvertisements,
+    RouterSolicitRequest,
+)
 from atlantis_netcfg.checklist.runner import ask_here
 
 CABLE = "10.64.9.7"
@@ -41,9 +47,17 @@ class Segment:
     def serve(self, interface: str, subnet: str) -> str:
         """A DHCP server with the first address of a /24; its MAC address. It is ready when this returns."""
         self.plug(interface, f"{subnet}.1/24")
+        more = [f"--dhcp-range={subnet}.100,{subnet}.150,1h", "--dhcp-authoritative", "--no-ping"]
+        return self._start(interface, *more, f"--dhcp-leasefile={self.leases(interface)}")
+
+    def advertise(self, interface: str, prefix: str) -> str:
+        """An IPv6 router with an address of a /64; its MAC address."""
+        self.plug(interface, f"{prefix}1/64")
+        return self._start(interface, "--enable-ra", f"--dhcp-range={prefix},ra-only,64,2h")
+
+    def _start(self, interface: str, *words: str) -> str:
         command = ["ip", "netns", "exec", self.name, "dnsmasq", "--conf-file=/dev/null", "--port=0", "--user=root"]
-        command += [f"--interface={interface}", "--bind-interfaces", "--dhcp-authoritative", "--no-ping"]
-        command += [f"--dhcp-range={subnet}.100,{subnet}.150,1h", f"--dhcp-leasefile={self.leases(interface)}"]
+        command += [f"--interface={interface}", "--bind-interfaces", *words]
         command += [f"--pid-file={self.folder}/{interface}.pid", "--log-dhcp", f"--log-facility={self.log(interface)}"]
         subprocess.run(command, check=True, capture_output=True)
         self.servers.append(int((self.folder / f"{interface}.pid").read_text()))
@@ -67,6 +81,14 @@ class Segment:
         words = ("ip", "netns", "exec", self.name, *before)
         found = asyncio.run(ask_here([("it", question)], lambda *_: None, words))["it"]
         assert isinstance(found, DhcpOffers)
+        return found
+
+    def solicit(self, interface: str, within_s: float, *before: str) -> RouterAdvertisements:
+        """The same for IPv6 routers."""
+        question = RouterSolicitRequest("it", Place.LAPTOP, interface, within_s)
+        words = ("ip", "netns", "exec", self.name, *before)
+        found = asyncio.run(ask_here([("it", question)], lambda *_: None, words))["it"]
+        assert isinstance(found, RouterAdvertisements)
         return found
 
 

@@ -14,7 +14,7 @@ from gateway_stand import ROUTER, Key
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import ComputerNetwork, Gateway, NetworkTool
-from atlantis_netcfg.emulator.lab import Machine, build_rootfs, open_lab, why_not
+from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
 from atlantis_netcfg.gateway.parts import computer_network
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -48,6 +48,7 @@ class NetworkStand:
     gateway: Machine
     key: Key
     folder: Path
+    lab: Lab
 
     def run(self, told: dict[str, Any], *words: str) -> tuple[int, str]:
         """Run the tasks of the role; gives Ansible's exit code and what it said."""
@@ -101,4 +102,4 @@ def network_stand(tmp_path: Path, technician: Key) -> Iterator[NetworkStand]:
             spare="eth1",
         )
         gateway.put("/usr/local/sbin/udevadm", NO_UDEV, mode="0755")
-        yield NetworkStand(gateway, technician, tmp_path)
+        yield NetworkStand(gateway, technician, tmp_path, made)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
+import rogue_router
 from gateway_stand import technician
 from network_stand import STATE, NetworkStand, network_stand, other, wanted
 from waiting import wait_until
@@ -36,6 +37,18 @@ def unchanged(stand: NetworkStand, by: str) -> None:
     assert "changed=0 " in said
 
 
+def advertised(stand: NetworkStand) -> dict[str, bool]:
+    """Which interface takes an address from a router advertisement that reaches both."""
+    gateway, names = stand.gateway, ("eth0", "eth1")
+    gateway.run("ip link set eth1 up")
+    links = "ip -6 -oneline address show dev {} scope link -tentative"
+    wait_until(lambda: all(gateway.run(links.format(name)).stdout for name in names))
+    rogue_router.send(stand.lab, rogue_router.advertisement())
+    prefix = str(rogue_router.PREFIX).rstrip(":")
+    wait_until(lambda: prefix in gateway.run("ip -6 address show dev eth1").stdout)
+    return {name: prefix in gateway.run(f"ip -6 address show dev {name}").stdout for name in names}
+
+
 def outcome(stand: NetworkStand) -> str:
     why: str = json.loads(stand.gateway.run(f"cat {STATE}/outcome").stdout)["why"]
     return why
@@ -59,6 +72,7 @@ def test_what_is_declared_comes_and_stays_whatever_is_tried_and_cut(network_stan
     assert "nameserver 10.64.1.1\n" in state["files"]
     unchanged(network_stand, by)
     assert network_stand.network() == state
+    assert advertised(network_stand) == {"eth0": False, "eth1": True}, "eth1 is as the vendor has it"
 
     gateway = network_stand.gateway
     network_stand.stage(changed(by, "10.64.1.10", "10.64.1.77", 900))

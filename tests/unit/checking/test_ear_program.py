@@ -19,7 +19,7 @@ from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.agent import BOOT, MODULES, _sources, batch, main, program, read_result
 from atlantis_netcfg.checklist.probes.agent.streams import ProbeError
 
-MOST = 9_000
+MOST = 10_000
 """Bytes of the program without questions, which travel once a turn; a satellite link takes them in 0.2 s."""
 
 

@@ -102,6 +102,18 @@ def test_without_dds_its_ports_are_shut() -> None:
     assert "DDS" not in text(gateway_base(silent, silent.hosts[GATEWAY]), "/etc/nftables.conf")
 
 
+def test_no_route_is_taken_from_other_computers(tmp_path: Path) -> None:
+    base = part(tmp_path, "  network: {by: networkd, interface: eth7}\n")
+    lines = text(base, "/etc/sysctl.d/60-atlantis.conf").splitlines()
+    for interface in ("all", "default", "*", "eth7", "wlan0"):
+        assert f"-net.ipv4.conf.{interface}.accept_redirects = 0" in lines
+        assert f"-net.ipv6.conf.{interface}.accept_ra = 0" in lines
+    rules = text(base, "/etc/nftables.conf")
+    assert rules.index("nd-router-advert, nd-redirect }") < rules.index("icmp type redirect")
+    assert rules.index("icmp type redirect") < rules.index("ct state established,related accept")
+    assert "systemd-resolved.service" in {unit.name for unit in base.configuration.units}
+
+
 def test_the_watchdog_is_set_where_it_is_declared(tmp_path: Path) -> None:
     path = "/etc/systemd/system.conf.d/atlantis-watchdog.conf"
     without, declared = part(tmp_path / "a"), part(tmp_path / "b", "  watchdog_s: 30\n")

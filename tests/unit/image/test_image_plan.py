@@ -92,7 +92,11 @@ def test_netplan() -> None:
     assert lan["addresses"] == ["10.64.1.10/24"]
     assert lan["routes"] == [{"to": "0.0.0.0/0", "via": "10.64.1.1"}]
     dhcp = files(plan(SEEN, replace(WISH, static=None, interface="")))["/etc/netplan/10-atlantis.yaml"]
-    assert yaml.safe_load(dhcp)["network"]["ethernets"]["lan"] == {"match": {"name": "e*"}, "dhcp4": True}
+    assert yaml.safe_load(dhcp)["network"]["ethernets"]["lan"] == {
+        "match": {"name": "e*"},
+        "accept-ra": False,
+        "dhcp4": True,
+    }
 
 
 def only(*present: str) -> facts.ImageFacts:
@@ -102,17 +106,22 @@ def only(*present: str) -> facts.ImageFacts:
 @pytest.mark.parametrize(
     ("present", "path", "static", "dhcp"),
     [
-        ("/sbin/ifup", "/etc/network/interfaces", "    address 10.64.1.10/24\n    gateway 10.64.1.1", "eth0 inet dhcp"),
+        (
+            "/sbin/ifup",
+            "/etc/network/interfaces",
+            "    address 10.64.1.10/24\n    gateway 10.64.1.1",
+            "eth0 inet dhcp\n    pre-up sysctl -qew",
+        ),
         (
             "/usr/sbin/NetworkManager",
             "/etc/NetworkManager/system-connections/atlantis.nmconnection",
             "address1=10.64.1.10/24,10.64.1.1",
-            "method=auto",
+            "method=auto\n\n[ipv6]\nmethod=link-local\n",
         ),
         (
             "/lib/systemd/systemd-networkd",
             "/etc/systemd/network/05-atlantis.network",
-            "Address=10.64.1.10/24\nGateway=10.64.1.1",
+            "IPv6AcceptRA=no\nLLMNR=no\nMulticastDNS=no\nAddress=10.64.1.10/24\nGateway=10.64.1.1",
             "DHCP=ipv4",
         ),
     ],

@@ -86,6 +86,14 @@ def test_without_a_whole_authority_nothing_is_told(authority: Path, name: str) -
     assert "provision vpn init" in (refused.value.hint or "")
 
 
+def test_its_kernel_takes_no_route_from_others(authority: Path) -> None:
+    files = openvpn_server(SHIPPED, SERVER, membership(), authority).configuration.files
+    text = next(file.content for file in files if file.path == "/etc/sysctl.d/60-atlantis-vpn.conf")
+    for interface in ("all", "default", "*"):
+        assert f"-net.ipv4.conf.{interface}.accept_redirects = 0" in text.splitlines()
+        assert f"-net.ipv6.conf.{interface}.accept_ra = 0" in text.splitlines()
+
+
 def test_the_tunnel_starts_anew_for_its_own_files_alone(authority: Path) -> None:
     configuration = openvpn_server(SHIPPED, SERVER, membership(), authority).configuration
     tunnel = next(unit for unit in configuration.units if unit.name.startswith("openvpn-server@"))

@@ -32,6 +32,9 @@ from atlantis_netcfg.checklist.probes.step import (
     Reflected,
     ReflectRequest,
     ReflectResult,
+    RouterAdvertisement,
+    RouterAdvertisements,
+    RouterSolicitRequest,
     RunProgram,
     Transcript,
     Trouble,
@@ -81,7 +84,7 @@ def _bare(source: str) -> str:
 
 _BREATH_S = 1.0
 """Between two questions to the same end, and at the end of all: to spare."""
-_DHCP_EXTRA_S = 10.0
+_SEGMENT_EXTRA_S = 10.0
 """To find the interface that has an address."""
 
 
@@ -138,6 +141,9 @@ def read_result(result: Mapping[str, Any], question: Question, requested: float,
             for sender, interface, delay_s, data in result.get("answers", ())
         )
         return ReflectResult(trouble, words, tuple(result.get("tokens", ())), answers)
+    if isinstance(question, RouterSolicitRequest):
+        rows = ({**row, "prefixes": tuple(row["prefixes"])} for row in result.get("routers", ()))
+        return RouterAdvertisements(trouble, words, tuple(RouterAdvertisement(**row) for row in rows))
     return DhcpOffers(trouble, words, tuple(_offers(result.get("offers", ()))))
 
 
@@ -166,8 +172,8 @@ def _patience_s(question: Question) -> float:
         return question.connect_s + sum(say.within_s for say in question.say) + question.listen_s
     if isinstance(question, RunProgram | DdsDiscoverRequest | ReflectRequest):
         return question.within_s
-    if isinstance(question, DhcpDiscoverRequest):
-        return question.within_s + _DHCP_EXTRA_S
+    if isinstance(question, DhcpDiscoverRequest | RouterSolicitRequest):
+        return question.within_s + _SEGMENT_EXTRA_S
     raise ValueError(f"{type(question).__name__} is no question of the program that listens")
 
 
@@ -193,6 +199,8 @@ def _row(question: Question) -> dict[str, Any]:
     if isinstance(question, ReflectRequest):
         there = {"source": question.source, "address": question.address, "port": question.port}
         return {"kind": "reflect", **there, "count": question.count, "within_s": question.within_s}
+    if isinstance(question, RouterSolicitRequest):
+        return {"kind": "routers", "interface": question.interface, "within_s": question.within_s}
     assert isinstance(question, DhcpDiscoverRequest)  # noqa: S101 - `_patience_s` has refused all others
     segment = {"interface": question.interface, "cards": list(question.cards)}
     return {"kind": "dhcp", **segment, "within_s": question.within_s}

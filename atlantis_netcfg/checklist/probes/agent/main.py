@@ -3,8 +3,8 @@
 Some wait for others, which want the same end or share a medium with them. Whatever happens to one question, the others
 are answered, and at the deadline everything ends with what was heard so far.
 
-Requests of the agent that are no stream: a program, the DHCP servers of a segment, the DDS participants of a host, and
-messages that another computer sends back.
+Requests of the agent that are no stream: a program, the DHCP servers and the IPv6 routers of a segment, the DDS
+participants of a host, and messages that another computer sends back.
 
 Programs only read; which ones may run is decided before the request leaves.
 
@@ -14,6 +14,9 @@ only cards that it knows, or only those that it does not: DISCOVER goes out in t
 that nobody has, the same each time, and of those that are named; transaction numbers are random, so that nobody takes
 an answer for its own. Frames come from this very card, which is all that switches learn, and from 0.0.0.0: the
 interface keeps its address, and a DHCP client of the system is not disturbed.
+
+Routers: a solicitation is multicast from the unspecified address, every advertisement is kept, and none is believed.
+They are read from the segment, so that neither the firewall nor the kernel of this computer hides them.
 
 A message to another computer of the pilot bears a token that is made up anew, leaves by whatever route there is, and is
 long enough for its answer. Whatever comes back is told with its sender and the interface by which it came.
@@ -35,8 +38,8 @@ import sys
 import threading
 import time
 import traceback
-from contextlib import suppress
-from typing import IO, Any, Callable
+from contextlib import contextmanager, suppress
+from typing import IO, Any, Callable, Iterator
 
 from atlantis_netcfg.checklist.probes.agent.streams import (
     ProbeError,
@@ -118,29 +121,37 @@ _DISCOVER, _OFFER = 1, 2
 _ROUTER, _TYPE, _SERVER, _REQUESTED = 3, 53, 54, 55
 _BROADCAST = b"\xff" * 6
 _ROUNDS = 2
+_MOST_OFFERS = 200
 
 
 def probing(question: dict[str, Any]) -> dict[str, Any]:
     """Ask for servers, and give the fields of `DhcpOffers`. Raises ProbeError: missing, denied, unreachable."""
-    name = _interface(question["interface"])
+    with _segment(question["interface"], _IPV4, "DHCP servers") as (wire, _, mac):
+        number = os.urandom(4)
+        named = [bytes.fromhex(card.replace(":", "")) for card in question.get("cards", ())]
+        cards = list(dict.fromkeys([mac, _nobody(mac), *named]))
+        requests = [_frame(mac, card, number) for card in cards]
+        offers = _answers(
+            wire, requests, lambda frame: _offer(frame, cards, number), question["within_s"], _MOST_OFFERS
+        )
+    return {"trouble": None, "words": "", "offers": offers}
+
+
+@contextmanager
+def _segment(word: str, protocol: int, what: str) -> Iterator[tuple[socket.socket, str, bytes]]:
+    """Give a socket for frames of a protocol, name and card of the interface. Raises ProbeError, also within."""
+    name = _interface(word)
     try:
-        with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(_IPV4)) as wire:
-            wire.bind((name, _IPV4))
-            mac, number = wire.getsockname()[4], os.urandom(4)
+        with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(protocol)) as wire:
+            wire.bind((name, protocol))
+            mac = wire.getsockname()[4]
             if len(mac) != len(_BROADCAST):
                 raise ProbeError("missing", f"{name} is no Ethernet")
-            named = [bytes.fromhex(card.replace(":", "")) for card in question.get("cards", ())]
-            cards = list(dict.fromkeys([mac, _nobody(mac), *named]))
-            offers: list[dict[str, str | None]] = []
-            for _ in range(_ROUNDS):  # a frame may be lost
-                for card in cards:
-                    wire.send(_frame(mac, card, number))
-                _listen(wire, cards, number, time.monotonic() + question["within_s"] / _ROUNDS, offers)
+            yield wire, name, mac
     except PermissionError:
-        raise ProbeError("denied", "only root may ask a segment for its DHCP servers") from None
+        raise ProbeError("denied", f"only root may ask a segment for its {what}") from None
     except OSError as error:
         raise no_answer(error, name) from None
-    return {"trouble": None, "words": "", "offers": offers}
 
 
 def _interface(word: str) -> str:
@@ -178,21 +189,29 @@ def _checksum(header: bytes) -> int:
     return ~total & 0xFFFF
 
 
-def _listen(
-    wire: socket.socket, cards: list[bytes], number: bytes, ends: float, found: list[dict[str, str | None]]
-) -> None:
-    while True:
-        left = ends - time.monotonic()
-        if left <= 0:
-            return
-        wire.settimeout(left)
-        try:
-            frame, where = wire.recvfrom(65535)
-        except socket.timeout:
-            return
-        offer = None if where[2] == _OUTGOING else _offer(frame, cards, number)
-        if offer is not None and offer not in found:
-            found.append(offer)
+def _answers(
+    wire: socket.socket,
+    requests: list[bytes],
+    read: Callable[[bytes], dict[str, Any] | None],
+    within_s: float,
+    most: int,
+) -> list[dict[str, Any]]:
+    """Send the requests, and keep each different answer, until the time is over or there are so many."""
+    found: list[dict[str, Any]] = []
+    for _ in range(_ROUNDS):  # a frame may be lost
+        for request in requests:
+            wire.send(request)
+        ends = time.monotonic() + within_s / _ROUNDS
+        while len(found) < most and (left := ends - time.monotonic()) > 0:
+            wire.settimeout(left)
+            try:
+                frame, where = wire.recvfrom(65535)
+            except socket.timeout:
+                break
+            answer = None if where[2] == _OUTGOING else read(frame)
+            if answer is not None and answer not in found:
+                found.append(answer)
+    return found
 
 
 def _offer(frame: bytes, cards: list[bytes], number: bytes) -> dict[str, str | None] | None:
@@ -228,6 +247,51 @@ def _options(data: bytes) -> dict[int, bytes]:
 
 def _address(four: bytes) -> str | None:
     return socket.inet_ntoa(four) if len(four) == 4 else None  # noqa: PLR2004 - an IPv4 address
+
+
+_IPV6, _PREFIX, _ALL_NODES = 0x86DD, 3, bytes.fromhex("333300000001")
+_ADVERTISEMENT = bytes([58, 255, 134, 0])
+"""ICMPv6, a hop limit that no router has lowered, type and code."""
+_SOL_PACKET, _ADD_MEMBERSHIP = 263, 1
+"""Of packet(7): the card then lets multicast frames of one address in."""
+_MOST_ROUTERS, _MOST_PREFIXES = 20, 8
+_OPTIONS = 70
+"""Where they begin: after Ethernet, IPv6 and the 16 bytes of an advertisement."""
+
+
+def solicit(question: dict[str, Any]) -> dict[str, Any]:
+    """Ask for routers, and give the fields of `RouterAdvertisements`. Raises ProbeError as `probing` does."""
+    with _segment(question["interface"], _IPV6, "routers") as (wire, name, mac):
+        group = struct.pack("=iHH8s", socket.if_nametoindex(name), 0, len(_ALL_NODES), _ALL_NODES)
+        wire.setsockopt(_SOL_PACKET, _ADD_MEMBERSHIP, group)
+        routers = _answers(wire, [_solicitation(mac)], _advertisement, question["within_s"], _MOST_ROUTERS)
+    return {"trouble": None, "words": "", "routers": routers}
+
+
+def _solicitation(mac: bytes) -> bytes:
+    """Ethernet, IPv6 from the unspecified address, ICMPv6 without options (RFC 4861, 4.1)."""
+    routers = socket.inet_pton(socket.AF_INET6, "ff02::2")
+    ip = bytes.fromhex("86dd60000000 0008 3aff") + bytes(16) + routers
+    return b"\x33\x33" + routers[-4:] + mac + ip + bytes.fromhex("8500 7bb8 00000000")  # with its checksum
+
+
+def _advertisement(frame: bytes) -> dict[str, Any] | None:
+    """Read a frame; None if it is no router advertisement of this segment (RFC 4861, 6.1.2)."""
+    end = 54 + int.from_bytes(frame[18:20], "big")
+    if frame[20:22] + frame[54:56] != _ADVERTISEMENT or not _OPTIONS <= end <= len(frame):
+        return None
+    prefixes: list[str] = []
+    options = frame[_OPTIONS:end]
+    while len(options) > 1 and options[1] and len(prefixes) < _MOST_PREFIXES:
+        option, options = options[: options[1] * 8], options[options[1] * 8 :]
+        if (option[:2], len(option)) == (bytes([_PREFIX, 4]), 32):
+            prefixes.append(f"{socket.inet_ntop(socket.AF_INET6, option[16:])}/{option[2]}")
+    return {
+        "address": socket.inet_ntop(socket.AF_INET6, frame[22:38]),
+        "mac": ":".join(f"{byte:02x}" for byte in frame[6:12]),
+        "lifetime_s": int.from_bytes(frame[60:62], "big"),
+        "prefixes": prefixes,
+    }
 
 
 _LEASE_S = 10
@@ -376,6 +440,7 @@ _STREAMS: dict[str, Callable[[dict[str, Any], ReceiveBuffer], None]] = {"tcp": t
 _OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "run": run,
     "dhcp": probing,
+    "routers": solicit,
     "dds": discover,
     "reflect": reflect,
 }

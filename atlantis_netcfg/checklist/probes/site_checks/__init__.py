@@ -1,10 +1,10 @@
 """The site's own checks: what other marine projects learned the hard way, looked at before every test.
 
 None of them is a cell of Table 3; each is an item `<site>/site/<name>` of its own, by the tool alone where it can. They
-ask the router for rows and the gateway computer for what its programs print, and send nothing but DHCP questions, some
-ARP questions, the announcement of a DDS participant to the gateway computer itself, five pings inside the site's own
-networks and the VPN, and a few messages through the VPN to the control centre. What is not declared at a site is
-skipped, and says why; VPN, the messages and DDS never are. How each could be
+ask the router for rows and the gateway computer for what its programs print, and send nothing but DHCP questions, IPv6
+router solicitations, some ARP questions, the announcement of a DDS participant to the gateway computer itself, five
+pings inside the site's own networks and the VPN, and a few messages through the VPN to the control centre. What is not
+declared at a site is skipped, and says why; VPN, the messages and DDS never are. How each could be
 fooled, and what stops it, stands in docs/probes.md.
 """
 
@@ -17,6 +17,7 @@ from atlantis_netcfg.checklist.probes.site_checks.addresses import (
     duplicate_addresses_check,
     one_subnet_twice_check,
     rogue_dhcp_check,
+    rogue_router_check,
     static_addresses_check,
 )
 from atlantis_netcfg.checklist.probes.site_checks.certificates import certificates_check
@@ -38,6 +39,7 @@ __all__ = ["NAMES", "steps"]
 
 _CHECKS = {
     "rogue-dhcp": rogue_dhcp_check,
+    "rogue-router": rogue_router_check,
     "duplicate-addresses": duplicate_addresses_check,
     "one-subnet-twice": one_subnet_twice_check,
     "default-route": default_route_check,

@@ -30,6 +30,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     neighbours,
     offers,
     read,
+    routers,
     rows,
     run,
     silent,
@@ -38,14 +39,21 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import CommandResult, DhcpDiscoverRequest, Judged, Place, Trouble
+from atlantis_netcfg.checklist.probes.step import (
+    CommandResult,
+    DhcpDiscoverRequest,
+    Judged,
+    Place,
+    RouterSolicitRequest,
+    Trouble,
+)
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.gateway.parts import computer_network
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.step import Answer, DhcpOffer, Question, Step
+    from atlantis_netcfg.checklist.probes.step import Answer, DhcpOffer, Question, RouterAdvertisement, Step
 
 
 FILES = ("/etc/netplan/10-atlantis.yaml", "/etc/network/interfaces", "/etc/systemd/network/05-atlantis.network")
@@ -430,9 +438,10 @@ class _RogueDhcp:
         cards = sorted({offer.mac for offer in found if offer.server == local and offer.mac is not None})
         strange = [card for card in cards if known not in {None, card}]
         for stranger in strangers.values():
+            sender = _sender(self.site, stranger.server, stranger.mac)
             yield fail(
                 "rogue-dhcp",
-                f"{self._named(stranger)} hands out addresses on the LAN, too: {_offer_text(stranger)}",
+                f"{sender} hands out addresses on the LAN, too: {_offer_text(stranger)}",
                 _DHCP_HINT,
             )
         if len(cards) > 1:
@@ -450,13 +459,69 @@ class _RogueDhcp:
                 "only-the-router", f"the router {local} alone offers an address, to whichever of {requested} cards asks"
             )
 
-    def _named(self, offer: DhcpOffer) -> str:
-        cards = {card.mac.lower(): card.name for card in self.site.declared.lan.reservations}
-        whose = cards.get((offer.mac or "").lower())
-        card = offer.mac or "card unknown"
-        return f"{offer.server} ({card}{f', the card of {whose}' if whose else ''})"
+
+def _sender(site: OwnSite, address: str, mac: str | None) -> str:
+    """An address, with the card and whose it is by the reservations."""
+    cards = {card.mac.lower(): card.name for card in site.declared.lan.reservations}
+    whose = cards.get((mac or "").lower())
+    return f"{address} ({mac or 'card unknown'}{f', the card of {whose}' if whose else ''})"
 
 
 def _offer_text(offer: DhcpOffer) -> str:
     gateway = f" with gateway {offer.router}" if offer.router else ""
     return f"it offered {offer.address}{gateway}"
+
+
+_SOLICIT_S = 8.0
+
+
+def rogue_router_check(site: OwnSite) -> Step:
+    """The LAN is asked for IPv6 routers: the declared one sends no advertisement."""
+    title = "No other router on the LAN"
+    if site.gateway is None:
+        return by_hand(
+            "rogue-router",
+            title,
+            f"Ask the LAN of {site.name} for IPv6 routers, as with `rdisc6` of the package ndisc6 on a computer in it:"
+            " the site has no gateway computer and no control centre that a program could ask from.",
+            "No router answers.",
+            site.hosts,
+        )
+    return step("rogue-router", title, _RogueRouter(site), site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _RogueRouter:
+    """No other router on the LAN."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
+        return (RouterSolicitRequest("routers", Place.GATEWAY, self.site.gateway.interface, _SOLICIT_S),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
+        found = routers(results["routers"], self.site.gateway.name)
+        if isinstance(found, BearerFinding):
+            return Judged((found,))
+        evidence = tuple(
+            measured(f"router advertisement of {item.address}", _advertisement_text(item)) for item in found
+        )
+        words = f"no IPv6 router answered 2 router solicitations on the LAN within {_SOLICIT_S:g} s"
+        return Judged(tuple(self._finding(item) for item in found) or (good("no-other-router", words),), evidence)
+
+    def _finding(self, router: RouterAdvertisement) -> BearerFinding:
+        sender = _sender(self.site, router.address, router.mac)
+        message = f"{sender} announces itself as an IPv6 router on the LAN: {_advertisement_text(router)}"
+        hint = (
+            "unplug it, or switch its router advertisements off: gateways ignore them, other computers and robots on"
+            " the LAN do not"
+        )
+        return fail("rogue-router", message, hint)
+
+
+def _advertisement_text(router: RouterAdvertisement) -> str:
+    route = f"a default route for {router.lifetime_s} s" if router.lifetime_s else "no default route"
+    prefixes = f", and addresses of {', '.join(router.prefixes)}" if router.prefixes else ""
+    return f"it offers {route}{prefixes}"

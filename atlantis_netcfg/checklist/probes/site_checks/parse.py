@@ -22,6 +22,8 @@ from atlantis_netcfg.checklist.probes.step import (
     LinkStatusResult,
     Place,
     Probe,
+    RouterAdvertisement,
+    RouterAdvertisements,
     RouterOsQuery,
     Rows,
     RunProgram,
@@ -293,6 +295,15 @@ def offers(answer: Answer, who: str) -> tuple[DhcpOffer, ...] | BearerFinding:
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
     return answer.offers
+
+
+def routers(answer: Answer, who: str) -> tuple[RouterAdvertisement, ...] | BearerFinding:
+    """Who announces itself as an IPv6 router."""
+    if not isinstance(answer, RouterAdvertisements):
+        return unreadable(who, "IPv6 routers")
+    if answer.trouble is not None:
+        return silent(who, answer.trouble, answer.words)
+    return answer.routers
 
 
 def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | BearerFinding:

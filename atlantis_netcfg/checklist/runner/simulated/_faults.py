@@ -17,6 +17,7 @@ from atlantis_netcfg.checklist.runner.simulated._world import added, apart, chan
 from atlantis_netcfg.emulator.gnss import GnssAccess, Speech
 from atlantis_netcfg.emulator.linux import (
     AddressSpec,
+    AdvertisementSpec,
     CertificateSpec,
     ComputerSpec,
     DdsSpec,
@@ -84,6 +85,11 @@ def _echo(address: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN
 def _offer(*knows: str) -> Callable[[World], None]:
     offer = OfferSpec(server="192.168.2.2", mac=_STRANGER, address="192.168.2.50", router="192.168.2.2", knows=knows)
     return _gateway(lambda computer: {"dhcp": {name: (*offers, offer) for name, offers in computer.dhcp.items()}})
+
+
+def _advertising(computer: ComputerSpec) -> dict[str, Any]:
+    router = AdvertisementSpec(address="fe80::ff:fe00:fc66", mac=_STRANGER, prefixes=("2001:db8:5::/64",))
+    return {"routers": dict.fromkeys(computer.dhcp, (router,))}
 
 
 def _another_way(computer: ComputerSpec) -> dict[str, Any]:
@@ -154,6 +160,9 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
         "a second DHCP server answers the card of Zarco and nobody else",
         ("SITE/site/rogue-dhcp",),
         _offer("02:00:5E:00:01:23"),
+    ),
+    "rogue-ra": RehearsedFault(
+        "a robot's own IPv6 router is plugged into the LAN", ("SITE/site/rogue-router",), _gateway(_advertising)
     ),
     "second-address": RehearsedFault(
         "the gateway has leased a second address of its subnet on the same card",

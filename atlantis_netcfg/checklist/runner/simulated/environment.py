@@ -31,11 +31,13 @@ from atlantis_netcfg.checklist.probes import (
     Reflected,
     ReflectRequest,
     ReflectResult,
+    RouterAdvertisements,
+    RouterSolicitRequest,
     RunProgram,
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.step import DhcpOffer
+from atlantis_netcfg.checklist.probes.step import DhcpOffer, RouterAdvertisement
 from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, unanswered
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
@@ -121,8 +123,8 @@ class RehearsedEars:
             return unanswered(question, _NOBODY)
         if isinstance(question, RunProgram):
             return self._ran(question, self.computer)
-        if isinstance(question, DhcpDiscoverRequest):
-            return self._offered(question, self.computer)
+        if isinstance(question, DhcpDiscoverRequest | RouterSolicitRequest):
+            return self._of_segment(question, self.computer)
         if isinstance(question, DdsDiscoverRequest):
             return self._discovered(question, self.computer)
         if isinstance(question, ReflectRequest):
@@ -161,10 +163,18 @@ class RehearsedEars:
         return ReflectResult(None, "", tokens, tuple(Reflected(*row) for row in found))
 
     @staticmethod
-    def _offered(question: DhcpDiscoverRequest, computer: Computer) -> DhcpOffers:
+    def _of_segment(question: DhcpDiscoverRequest | RouterSolicitRequest, computer: Computer) -> Answer:
+        """What answers a question that goes to everybody on the segment of an interface."""
+        absent = f"this computer has no interface {question.interface}"
+        if isinstance(question, RouterSolicitRequest):
+            known = computer.routers(question.interface)
+            if known is None:
+                return RouterAdvertisements(Trouble.MISSING, absent)
+            routers = (RouterAdvertisement(r.address, r.mac.lower(), r.lifetime_s, r.prefixes) for r in known)
+            return RouterAdvertisements(None, "", tuple(routers))
         found = computer.offers(question.interface, question.cards)
         if found is None:
-            return DhcpOffers(Trouble.MISSING, f"this computer has no interface {question.interface}")
+            return DhcpOffers(Trouble.MISSING, absent)
         offers = (DhcpOffer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in found)
         return DhcpOffers(None, "", tuple(offers))
 

@@ -19,7 +19,9 @@ from atlantis_netcfg.checklist.probes import (
     Question,
     ReflectRequest,
     ReflectResult,
+    RouterAdvertisements,
     RouterOsQuery,
+    RouterSolicitRequest,
     Rows,
     RunProgram,
     Trouble,
@@ -28,6 +30,7 @@ from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.emulator.routeros.spec import Called, Load, Validity
 
 ROGUE = linux.OfferSpec(server="192.168.8.1", mac="02:00:5E:00:01:24", address="192.168.8.100", router="192.168.8.1")
+ADVERTISED = linux.AdvertisementSpec(address="fe80::ff:fe00:124", mac="02:00:5e:00:01:24")
 OWN = computer().dhcp["eth0"][0]
 
 
@@ -125,6 +128,8 @@ def garbage(question: Question, _answer: Answer) -> Answer:
         return replace(_answer, answers=tuple(replace(one, data=b"\x00{") for one in _answer.answers))
     if isinstance(question, DdsDiscoverRequest):
         return DdsDiscoverResult(None, "", b"?" * 12, (("10.80.0.21", b"RTPS\x02\x01 no, it is not"),))
+    if isinstance(question, RouterSolicitRequest):
+        return RouterAdvertisements(None)
     return (
         DhcpOffers(None)
         if isinstance(question, DhcpDiscoverRequest)
@@ -246,6 +251,14 @@ BROKEN: dict[str, Callable[[], World]] = {
         dhcp={"eth0": (OWN.model_copy(update={"mac": "02:00:5E:AA:00:01"}),)}
     ),
     # addresses
+    # IPv6 routers
+    "another IPv6 router": lambda: pc(routers={"eth0": (ADVERTISED,)}),
+    "another IPv6 router of two prefixes": lambda: pc(
+        routers={"eth0": (ADVERTISED.model_copy(update={"prefixes": ("2001:db8:1::/64", "fd00:1::/64")}),)}
+    ),
+    "another IPv6 router that is no way out": lambda: pc(
+        routers={"eth0": (ADVERTISED.model_copy(update={"lifetime_s": 0, "mac": "02:00:5e:aa:00:01"}),)}
+    ),
     "an address with two cards": lambda: pc(
         neighbours=(
             linux.NeighbourSpec(address="10.64.1.150", dev="eth0", mac="02:00:5E:AA:00:01"),

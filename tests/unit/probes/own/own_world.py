@@ -120,11 +120,8 @@ class World:
             rc, out, err = self.computer.answer(question.argv)
             trouble = probes.Trouble.MISSING if rc == 127 else None
             return probes.CommandResult(trouble, "", rc, out, err, began=self.computer.now, **stamps)
-        if isinstance(question, probes.DhcpDiscoverRequest):
-            found = self.computer.offers(question.interface, question.cards) or ()
-            return probes.DhcpOffers(
-                None, "", tuple(probes.DhcpOffer(one.server, one.mac.lower(), one.address, one.router) for one in found)
-            )
+        if isinstance(question, probes.DhcpDiscoverRequest | probes.RouterSolicitRequest):
+            return self._of_segment(question)
         if isinstance(question, probes.DdsDiscoverRequest):
             heard = self.computer.participants(question.domain, question.address, PREFIX)
             return (
@@ -136,6 +133,15 @@ class World:
             return self._reflected(question)
         assert isinstance(question, probes.LinkStatusRequest)
         return probes.LinkStatusResult(None, "", self.looks[question.bearer])
+
+    def _of_segment(self, question: probes.DhcpDiscoverRequest | probes.RouterSolicitRequest) -> probes.Answer:
+        if isinstance(question, probes.RouterSolicitRequest):
+            heard = self.computer.routers(question.interface) or ()
+            routers = (probes.RouterAdvertisement(one.address, one.mac, one.lifetime_s, one.prefixes) for one in heard)
+            return probes.RouterAdvertisements(None, "", tuple(routers))
+        found = self.computer.offers(question.interface, question.cards) or ()
+        offers = (probes.DhcpOffer(one.server, one.mac.lower(), one.address, one.router) for one in found)
+        return probes.DhcpOffers(None, "", tuple(offers))
 
     def _reflected(self, question: probes.ReflectRequest) -> probes.ReflectResult:
         sent = tuple(f"{number:032x}" for number in range(question.count))

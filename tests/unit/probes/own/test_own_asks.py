@@ -13,6 +13,7 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusRequest,
     ReflectRequest,
     RouterOsQuery,
+    RouterSolicitRequest,
     RunProgram,
     site_checks,
 )
@@ -62,6 +63,7 @@ def test_nothing_but_reading_is_asked_for() -> None:
         LinkStatusRequest,
         DhcpDiscoverRequest,
         ReflectRequest,
+        RouterSolicitRequest,
         RunProgram,
     }
     asked = {name for query in QUERIES for name in query.proplist}

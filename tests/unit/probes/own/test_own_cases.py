@@ -76,7 +76,9 @@ def test_the_control_centre_is_looked_from_at_a_site_without_a_gateway() -> None
     assert not [step.name for step in of("scc") if step.kind is ItemKind.PERSON]
     found = {step.name: step for step in of("scc")}
     assert found["dds"].title == "DDS answers on the control centre"
-    assert all("scc-control" in found[name].concerns for name in ("rogue-dhcp", "vpn", "dds", "certificates"))
+    assert all(
+        "scc-control" in found[name].concerns for name in ("rogue-dhcp", "rogue-router", "vpn", "dds", "certificates")
+    )
 
 
 def test_what_no_program_can_see_at_a_site_is_for_a_person() -> None:
@@ -87,7 +89,7 @@ def test_what_no_program_can_see_at_a_site_is_for_a_person() -> None:
     hosts = {**declaration().hosts, control.name: replace(control, device=operators)}
     every = steps(Cell(replace(declaration(), hosts=hosts), "scc", None, "site"))
     found = {step.name: step for step in every if step.kind is ItemKind.PERSON}
-    assert set(found) == {"rogue-dhcp", "vpn", "dds", "data-reaches-scc"}
+    assert set(found) == {"rogue-dhcp", "rogue-router", "vpn", "dds", "data-reaches-scc"}
     assert "no gateway computer and no control centre" in found["rogue-dhcp"].do
     assert found["rogue-dhcp"].look_for == "Only the router offers an address: 10.64.0.1."
     assert found["vpn"].do.startswith("On scc-vpn and scc-control, ")
