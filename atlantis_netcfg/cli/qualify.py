@@ -200,6 +200,8 @@ def _measured(opened: CommandSession, limits: BudgetLimits) -> SeveralResults:
     from contextlib import ExitStack
 
     from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.operations import Mode
+    from atlantis_netcfg.operations.qualify.far_end import open_far_end
     from atlantis_netcfg.operations.qualify.run import links_of_site
     from atlantis_netcfg.operations.qualify.several import measure_each
     from atlantis_netcfg.operations.request import refuse_examples
@@ -212,6 +214,8 @@ def _measured(opened: CommandSession, limits: BudgetLimits) -> SeveralResults:
         notify = stack.enter_context(progress(quiet=opened.as_json))
         if opened.rehearsal is not None:
             opened.configure_twins(strict=True)
+        elif _far_end(opened.declaration, opened.arguments).is_ours:
+            open_far_end(opened.declaration, opened.request(Mode.DRIFT))
         stack.enter_context(opened.store.lock(opened.site, f"provision qualify site={opened.site}"))
         found = measure_each(links, limits, lambda bearer, left: _link(opened, bearer, selection, left, notify))
     if len(links) == 1 and found.results[0].failure is not None:

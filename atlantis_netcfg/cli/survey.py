@@ -141,6 +141,7 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     from contextlib import ExitStack
 
     from atlantis_netcfg.journal import os_errors_as, utc_now
+    from atlantis_netcfg.operations.qualify.far_end import open_far_end
     from atlantis_netcfg.operations.request import refuse_examples
     from atlantis_netcfg.qualify.samples import SampleWriter
     from atlantis_netcfg.survey.kept import folder_of, new_folder
@@ -150,6 +151,8 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     site = _site(opened, plan)
     _paid(opened, site.link, plan)
+    if not opened.rehearsed and not site.radio_only:
+        open_far_end(opened.declaration, site.request)
     folder = new_folder(folder_of(opened.store, opened.site), utc_now())
     with ExitStack() as stack:
         with os_errors_as("the survey", folder):

@@ -5,7 +5,8 @@ only the pilot's own computers come to it (`gateway.base`). It shows that data a
 program of a partner works.
 
 The other is the far end of measured links, the folder `qualify/reflector` as it is: it answers who has the key. It runs
-on the control centre alone that `pilot.qualify` names, open to everybody, since each link has another public address.
+on the control centre alone that `pilot.qualify` names, open to everybody, since each link has another public address. A
+measurement starts it, and it ends by itself: its port is closed at other times.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ _UNITS = "/etc/systemd/system"
 _UNIT = f"{_UNITS}/{SERVICE}"
 _QUALIFY_UNIT = f"{_UNITS}/{QUALIFY_SERVICE}"
 _PACKAGE = "reflector"
+_START = f"/usr/bin/python3 -s -B -m {_PACKAGE}"
 _PRIVILEGED_PORT = 1024
+_IDLE_S = 900
+"""After so long without a packet it ends: it would have forgotten every session by then."""
 _TAKE_AWAY = f"""\
 [ ! -e {_UNITS}/$1 ] || exit 0
 rm -f {_UNITS}/*.wants/$1
@@ -72,7 +76,8 @@ def far_end(host: str, pilot: Pilot) -> Configuration:
         return Configuration(absent=(_QUALIFY_UNIT, QUALIFY_KEY), only=(QUALIFY_FOLDER,), steps=(away,))
     unit = _unit(
         title="far end of measured links",
-        command=f"/usr/bin/python3 -s -B -m {_PACKAGE} --name {host} --port {qualify.port} --key-file -",
+        command=f"{_START} --name {host} --port {qualify.port} --idle-s {_IDLE_S} --key-file -",
+        restart="on-failure",
         folder=QUALIFY_FOLDER,
         key=QUALIFY_KEY,
         privileged=qualify.port < _PRIVILEGED_PORT,
@@ -89,14 +94,20 @@ def far_end(host: str, pilot: Pilot) -> Configuration:
         files=files,
         only=(QUALIFY_FOLDER,),
         steps=(away,),
-        units=(Unit(QUALIFY_SERVICE, enabled=True, active=True, after=tuple(file.path for file in files)),),
-        checks=(_holds(QUALIFY_SERVICE, qualify.port, "nothing answers the measurements of links"),),
+        units=(Unit(QUALIFY_SERVICE, enabled=False, after=tuple(file.path for file in files)),),
+        checks=(
+            Check(
+                ("sh", "-c", f"cd {QUALIFY_FOLDER} && exec {_START} --help >/dev/null"),
+                "the program that answers the measurements of links does not start",
+                f"on the computer: `cd {QUALIFY_FOLDER} && {_START} --help` tells why",
+            ),
+        ),
     )
 
 
-def _unit(*, title: str, command: str, folder: str = "", key: str = "", privileged: bool = False) -> str:
-    template = environment().get_template("gateway/reflector.service.j2")
-    return template.render(title=title, command=command, folder=folder, key=key, privileged=privileged)
+def _unit(**values: str | bool) -> str:
+    usual = {"folder": "", "key": "", "privileged": False, "restart": "always"}
+    return environment().get_template("gateway/reflector.service.j2").render(usual | values)
 
 
 def _taken_away(words: str, service: str) -> ConvergeStep:

@@ -34,13 +34,14 @@ _LINK = "the link: it does what is declared below `rate`, and nothing else"
 _TUNNEL_PORT = 1194
 """Of the emulated computer's end of the VPN."""
 _VPN = "the VPN: its octets are counted around each packet, and no tunnel is made"
+_FAR_END = "the far end: a real measurement starts it over SSH first"
 _ROUTER = "the router: it does not carry the test packets, and is told afterwards what a relay of this computer carried"
 
 
 def not_rehearsed(twins: Rehearsal, *, over_vpn: bool = False) -> tuple[str, ...]:
     """What a rehearsal says nothing about, in a person's words."""
     vpn = (_VPN,) if over_vpn else ()
-    return (_LINK if twins.replay is None else twins.replay.not_rehearsed, _ROUTER, *vpn)
+    return (_LINK if twins.replay is None else twins.replay.not_rehearsed, _ROUTER, _FAR_END, *vpn)
 
 
 @dataclass(slots=True)

@@ -7,13 +7,17 @@ reflector of others, a router or a tester: it answers STAMP (RFC 8762) without a
 from __future__ import annotations
 
 import socket
+import subprocess
 from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NothingMatched, UsageError
+from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError
 from atlantis_netcfg.declaration.model import ServerComputer, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import admits, allowed, far_end
+from atlantis_netcfg.gateway.reflector import QUALIFY_SERVICE
+from atlantis_netcfg.operations.computers._access import computer_access
+from atlantis_netcfg.operations.vpn.link import ssh_command
 from atlantis_netcfg.qualify.measured_run import Selection
 from atlantis_netcfg.qualify.reflector.stamp import PORT, reflector_key
 
@@ -22,6 +26,11 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.declaration.model import Bearer, Qualify
+    from atlantis_netcfg.operations.request import Request
+
+
+_OPENING_S = 120.0
+"""A gap of a satellite link, and what SSH takes over it."""
 
 
 class NothingToQualify(NothingMatched):
@@ -93,6 +102,32 @@ def far_end_of(declaration: Declaration, *, over_vpn: bool, other: str | None = 
 def key_of(qualify: Qualify) -> bytes:
     """Give the key of the declared far end."""
     return reflector_key(qualify.key.reveal().encode().strip(), qualify.reflector)
+
+
+class FarEndClosed(DeviceFailed):
+    """The program at the far end was not started: nothing was measured."""
+
+
+def open_far_end(declaration: Declaration, request: Request) -> None:
+    """Start the program that answers, over SSH; it ends by itself a quarter of an hour after its last packet.
+
+    Raises FarEndClosed.
+    """
+    assert declaration.pilot.qualify is not None  # noqa: S101 - the far end is ours
+    host = declaration.hosts[declaration.pilot.qualify.reflector]
+    access = computer_access(declaration, host, request)
+    line = f"systemctl start {QUALIFY_SERVICE}"
+    command = [*ssh_command(access), f"sudo -n {line}" if access["become"] else line]
+    hint = f"see that you reach {host.name} over SSH, and that `provision site={host.site}` has set it up"
+    try:
+        done = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
+            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_OPENING_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise FarEndClosed(f"{host.name} did not open the far end of measurements: {error}", hint=hint) from None
+    if done.returncode:
+        last = done.stderr.strip().rpartition("\n")[2] or f"exit {done.returncode}"
+        raise FarEndClosed(f"{host.name} did not open the far end of measurements: {last}", hint=hint)
 
 
 def _named(declaration: Declaration, text: str, *, over_vpn: bool) -> MeasuredFarEnd:

@@ -123,13 +123,25 @@ async def serve(opened: socket.socket, reflector: Reflector, end: asyncio.Event)
         loop.remove_reader(opened.fileno())
 
 
-async def _until_ended(opened: socket.socket, reflector: Reflector) -> None:
+async def _until_ended(opened: socket.socket, reflector: Reflector, idle_s: float | None) -> None:
     end = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, end.set)
     print("ready on port {}".format(opened.getsockname()[1]), flush=True)  # noqa: T201, UP032 - a program of its own
+    watch = loop.create_task(_end_when_idle(reflector, end, idle_s))
     await serve(opened, reflector, end)
+    watch.cancel()
+
+
+async def _end_when_idle(reflector: Reflector, end: asyncio.Event, idle_s: float | None) -> None:
+    """Set the end once nobody has been answered for so long; None: never."""
+    answered = -1
+    while idle_s is not None and answered != reflector.statistics.answered + reflector.statistics.requested:
+        answered = reflector.statistics.answered + reflector.statistics.requested
+        await asyncio.sleep(idle_s)
+    if idle_s is not None:
+        end.set()
 
 
 def _key(file: Path) -> bytes:
@@ -148,6 +160,7 @@ def main(words: list[str] | None = None) -> int:
     who = parser.add_mutually_exclusive_group(required=True)
     who.add_argument("--key-file", type=Path, help="only who has this key is answered; `-`: standard input")
     who.add_argument("--unauthenticated", action="store_true", help="answer anybody: for testers of others")
+    parser.add_argument("--idle-s", type=float, help="end when nobody was answered for so long")
     parser.add_argument("--name", help="what this reflector is called where its key is shared with others")
     arguments = parser.parse_args(words)
     key = None if arguments.unauthenticated else _key(arguments.key_file)
@@ -162,7 +175,7 @@ def main(words: list[str] | None = None) -> int:
             rate_bps=arguments.rate_mbps * 1e6,
             clock=(lambda: ClockState(True, arguments.clock_error_s)) if arguments.synchronised else kernel_clock,
         )
-        asyncio.run(_until_ended(opened, reflector))
+        asyncio.run(_until_ended(opened, reflector, arguments.idle_s))
     print(reflector.statistics, file=sys.stderr)  # noqa: T201
     return 0
 

@@ -34,10 +34,10 @@ KEY = b"an example key, 32 octets long.."
 class reflector:  # noqa: N801 - a context
     """The program, on a free port."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *more: str) -> None:
         folder.mkdir(exist_ok=True)
         (folder / "key").write_bytes(KEY + b"\n")
-        words = ["--address", "127.0.0.1", "--port", "0", "--key-file", str(folder / "key")]
+        words = ["--address", "127.0.0.1", "--port", "0", "--key-file", str(folder / "key"), *more]
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", *words],
             stdout=subprocess.PIPE,
@@ -146,6 +146,11 @@ def test_the_program_ends_in_order_and_says_what_it_refused(tmp_path: Path) -> N
         _, said = process.communicate(timeout=HANG_S)
     assert process.returncode == 0
     assert said == "Statistics(answered=6, refused=1, stale=0, replayed=0, limited=0, requested=0)\n"
+
+
+def test_the_program_ends_by_itself_once_nobody_measures(tmp_path: Path) -> None:
+    with reflector(tmp_path / "far", "--idle-s", "0.1") as (process, _):
+        assert process.wait(HANG_S) == 0
 
 
 @pytest.mark.parametrize("key", ["short", None])

@@ -68,12 +68,16 @@ def test_the_far_end_at_the_control_centre_is_open_to_every_site() -> None:
     unit = files[f"/etc/systemd/system/{QUALIFY_SERVICE}"].content.splitlines()
     assert f"WorkingDirectory={QUALIFY_FOLDER}" in unit
     assert f"StandardInput=file:{QUALIFY_KEY}" in unit
-    assert "ExecStart=/usr/bin/python3 -s -B -m reflector --name scc-control --port 862 --key-file -" in unit
+    assert (
+        "ExecStart=/usr/bin/python3 -s -B -m reflector --name scc-control --port 862 --idle-s 900 --key-file -" in unit
+    )
+    assert "Restart=on-failure" in unit
     assert {"DynamicUser=yes", "AmbientCapabilities=CAP_NET_BIND_SERVICE", "ProtectSystem=strict"} <= set(unit)
     assert (files[QUALIFY_KEY].content, files[QUALIFY_KEY].mode) == (f"{QUALIFY_SECRET}\n", "0600")
     assert base.qualify_secret == QUALIFY_SECRET
     assert "EXAMPLE-key-of-the-far-end" not in json.dumps(base.as_dict())
     (row,) = [row for row in base.configuration.units if row.name == QUALIFY_SERVICE]
+    assert (row.enabled, row.active) == (False, None), "a measurement starts it"
     assert QUALIFY_KEY in row.after, "a new key is read by a new start"
 
 

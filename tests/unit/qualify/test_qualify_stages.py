@@ -1,5 +1,6 @@
 """What a run plans, what it sends of it, and what is concluded: against a link of known truth, on a simulated clock."""
 
+import os
 import threading
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -14,8 +15,16 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Bearer, LinkThresholds, Transport
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
+from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.link_shapes import link_shapes
-from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, far_end_of, source_in_vpn, source_of
+from atlantis_netcfg.operations.qualify.far_end import (
+    FarEndClosed,
+    MeasuredFarEnd,
+    far_end_of,
+    open_far_end,
+    source_in_vpn,
+    source_of,
+)
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement, lost_packets
 from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned, thresholds_of
 from atlantis_netcfg.operations.qualify.result import QualifyResult
@@ -220,6 +229,33 @@ def test_the_far_end_is_the_public_address_or_that_in_the_vpn() -> None:
     key = reflector_key(b"EXAMPLE-key-of-the-far-end", "scc-control")
     assert far_end_of(DECLARED, over_vpn=False) == MeasuredFarEnd("scc-control", "203.0.113.2", 862, key)
     assert far_end_of(DECLARED, over_vpn=True) == MeasuredFarEnd("scc-control", "10.80.0.2", 862, key)
+
+
+@pytest.fixture
+def ssh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A program of that name, which notes what it is asked, says what stands in `says`, and ends as that does."""
+    (tmp_path / "ssh").write_text(f'#!/bin/sh\necho "$@" >>{tmp_path}/asked\n. {tmp_path}/says\n', encoding="utf-8")
+    (tmp_path / "ssh").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setenv("ANSIBLE_SSH_CONTROL_PATH_DIR", str(tmp_path))
+    return tmp_path
+
+
+def test_a_measurement_starts_the_program_at_the_far_end(ssh: Path) -> None:
+    (ssh / "says").write_text("exit 0")
+    open_far_end(DECLARED, Request(state=ssh))
+    (asked,) = (ssh / "asked").read_text(encoding="utf-8").splitlines()
+    assert asked.endswith("root@10.64.0.11 systemctl start atlantis-qualify.service")
+    assert "HostKeyAlias=scc-control" in asked
+
+
+def test_nothing_is_measured_where_the_far_end_stays_closed(ssh: Path) -> None:
+    (ssh / "says").write_text("echo 'Unit atlantis-qualify.service not found.' >&2; exit 5")
+    words = "scc-control did not open the far end of measurements: Unit atlantis-qualify.service not found."
+    with pytest.raises(FarEndClosed, match=words) as closed:
+        open_far_end(DECLARED, Request(state=ssh))
+    assert closed.value.exit is ExitCode.FAILED
+    assert "`provision site=scc` has set it up" in str(closed.value.hint)
 
 
 def test_a_tunnel_over_tcp_is_not_led() -> None:

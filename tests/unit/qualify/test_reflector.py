@@ -1,5 +1,6 @@
 """What the reflector answers, and above all what it does not."""
 
+import asyncio
 import random
 import tracemalloc
 
@@ -7,6 +8,7 @@ import pytest
 from simulated_network import KEY, SECOND, SOURCE, START
 
 from atlantis_netcfg.qualify.reflector import stamp
+from atlantis_netcfg.qualify.reflector.__main__ import _end_when_idle
 from atlantis_netcfg.qualify.reflector.answering import Reflector
 from atlantis_netcfg.qualify.reflector.clock import ClockState
 
@@ -127,6 +129,20 @@ def test_a_packet_of_many_extensions_is_refused(far: FarEnd) -> None:
     few, many = ((stamp.Tlv(77, b""),) * count for count in (64, 65))
     assert far.ask(0, tlvs=few) is not None
     assert far.ask(1, tlvs=many) is None
+
+
+async def test_the_program_goes_on_as_long_as_somebody_measures(monkeypatch: pytest.MonkeyPatch, far: FarEnd) -> None:
+    waits: list[float] = []
+
+    async def sleep(seconds: float) -> None:
+        waits.append(seconds)
+        far.reflector.statistics.answered += len(waits) < 5
+
+    end = asyncio.Event()
+    monkeypatch.setattr("asyncio.sleep", sleep)
+    await _end_when_idle(far.reflector, end, 900)
+    assert end.is_set()
+    assert waits == [900] * 5
 
 
 def test_an_answer_says_when_it_was_asked_and_numbers_itself(far: FarEnd) -> None:
