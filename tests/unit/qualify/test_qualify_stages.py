@@ -7,9 +7,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from hints_said import advised
 from simulated_network import KEY, SECOND, SimulatedNetwork, network
 from tolerances import tolerances
 
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli._arguments import Arguments
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
@@ -249,13 +252,22 @@ def test_a_measurement_starts_the_program_at_the_far_end(ssh: Path) -> None:
     assert "HostKeyAlias=scc-control" in asked
 
 
-def test_nothing_is_measured_where_the_far_end_stays_closed(ssh: Path) -> None:
+def test_nothing_is_measured_where_the_far_end_stays_closed(ssh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (ssh / "says").write_text("echo 'Unit atlantis-qualify.service not found.' >&2; exit 5")
     words = "scc-control did not open the far end of measurements: Unit atlantis-qualify.service not found."
     with pytest.raises(FarEndClosed, match=words) as closed:
         open_far_end(DECLARED, Request(state=ssh))
     assert closed.value.exit is ExitCode.FAILED
-    assert "`provision site=scc` has set it up" in str(closed.value.hint)
+    (command,) = advised(str(closed.value.hint))
+    typed: list[tuple[str, str | None]] = []
+
+    def run_site(arguments: Arguments) -> ExitCode:
+        typed.append((arguments.word("site"), arguments.optional("only")))
+        return ExitCode.DONE
+
+    monkeypatch.setattr("atlantis_netcfg.cli.runs.run_site", run_site)
+    assert main(command) == 0
+    assert typed == [("scc", "scc-control")]
 
 
 def test_a_tunnel_over_tcp_is_not_led() -> None:
