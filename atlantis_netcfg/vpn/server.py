@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import Router, VpnServer
-from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, Directory, File, Package, Unit
+from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, Directory, File, Package, Unit
 from atlantis_netcfg.render import environment, template_folder
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS, Certificate, Member, MemberLink, MembershipList
 from atlantis_netcfg.vpn.policy import TABLE, firewall
@@ -112,6 +112,17 @@ MANAGEMENT = "/run/atlantis-vpn/management.sock"
 STATUS = "/run/atlantis-vpn/status"
 """Status version 3, written in place every 10 s."""
 
+_CURRENT = """\
+installed=$(dpkg-query -W -f '${Version}' openvpn)
+archived=$(LC_ALL=C apt-cache policy openvpn | sed -n 's/^ *Candidate: //p')
+dpkg --compare-versions "$installed" ge "$archived"
+"""
+IS_CURRENT = Check(
+    ("sh", "-c", _CURRENT),
+    "the installed OpenVPN is older than the one in the archive of its system",
+    "on the server: `apt-get update && apt-get install --only-upgrade openvpn`; members connect again by themselves",
+)
+"""As far as the package lists of the server tell."""
 PACKAGES = ("conntrack", "nftables", "openssl", "openvpn", "python3")
 _CIPHERS = ("AES-256-GCM", "CHACHA20-POLY1305", "AES-128-GCM")
 _COMMON_NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,46}[a-z0-9])?(?:\.[1-9][0-9]{0,5})?")
@@ -191,6 +202,7 @@ def openvpn_server(declaration: Declaration, host: Host, membership: MembershipL
             only=(CCD,),
             steps=KERNEL_STEPS,
             units=system_units((_CA, _CERT, *_SECRETS)),
+            checks=(IS_CURRENT,),
         ),
         secrets=secrets,
     )
@@ -232,6 +244,8 @@ def server_conf(declaration: Declaration, host: Host) -> str:
         "folder": FOLDER,
         "routes": tuple(network for name in declaration.hosts for network in _behind(declaration, name)),
         "ciphers": ":".join(sorted(_CIPHERS, key=lambda cipher: cipher.replace("-", "") != _declared(vpn.cipher))),
+        "max_clients": vpn.max_clients,
+        "new_clients_per_10_s": vpn.new_clients_per_10_s,
         "ping_s": ping_s,
         "renegotiation_s": RENEGOTIATION_S,
         "ping_restart_s": ping_restart_s,

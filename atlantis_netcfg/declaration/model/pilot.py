@@ -76,6 +76,10 @@ class Vpn(Model):
     """Pool of routers, gateways and servers of the sites."""
     cipher: Literal["aes256-gcm", "aes128-gcm"] = "aes256-gcm"
     """RouterOS does not negotiate: both ends name the same (MikroTik manual, OpenVPN)."""
+    max_clients: Annotated[StrictInt, Field(ge=1, le=1000)] = 100
+    """Members that are connected at once; the server refuses more."""
+    new_clients_per_10_s: Annotated[StrictInt, Field(ge=1, le=10_000)] = 100
+    """First packets that the server looks at in 10 s, of members and of strangers; over UDP."""
     robot_openvpn: OpenVpnVersion | None = None
     """OpenVPN of the robots of which `vehicles` says nothing; null: that of the Ubuntu of `dds.distribution`."""
     services: tuple[VpnService, ...] = ()

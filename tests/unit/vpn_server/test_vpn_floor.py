@@ -1,6 +1,7 @@
 """Which OpenVPN is let run: branches that are mended, and the packages of Debian that are."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,7 @@ import pytest
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.minimum_version import Branch, Floor, hold
-from atlantis_netcfg.vpn.server import FLOOR
+from atlantis_netcfg.vpn.server import FLOOR, IS_CURRENT
 
 DECLARED = Floor(
     FLOOR["program"],
@@ -115,3 +116,18 @@ def test_half_a_status_is_no_news(tmp_path: Path, text: str | None) -> None:
 def test_a_file_that_cannot_be_read_is_begun_again(tmp_path: Path, text: str) -> None:
     (tmp_path / "seen.json").write_text(text)
     assert noted(tmp_path, status(100, "inesc-a")).keys() == {"inesc-a"}
+
+
+@pytest.mark.parametrize(
+    ("installed", "archived", "code"),
+    [("2.6.14-0+deb12u2", "2.6.14-0+deb12u2", 0), ("2.6.14-0+deb12u1", "2.6.14-0+deb12u2", 1), ("2.7.5", "2.6.14", 0)],
+)
+def test_a_server_that_is_older_than_its_archive_is_told(
+    tmp_path: Path, installed: str, archived: str, code: int
+) -> None:
+    policy = f"openvpn:\n  Installed: {installed}\n  Candidate: {archived}\n  Version table:\n"
+    for name, text in (("dpkg-query", installed), ("apt-cache", policy)):
+        (tmp_path / name).write_text(f"#!/bin/sh\ncat <<'END'\n{text}\nEND\n")
+        (tmp_path / name).chmod(0o755)
+    path = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    assert subprocess.run(IS_CURRENT.run, env=path, check=False).returncode == code
