@@ -66,7 +66,11 @@ REHEARSAL = ("site=coastal", "--rehearse", "--plan")
 
 @pytest.mark.parametrize(
     ("words", "number"),
-    [(("validate",), 24), (REHEARSAL, 24), pytest.param(REHEARSAL, 500, marks=pytest.mark.campaign)],
+    [
+        (("validate",), 24),
+        pytest.param(REHEARSAL, 24, marks=pytest.mark.slow),
+        pytest.param(REHEARSAL, 500, marks=pytest.mark.campaign),
+    ],
 )
 def test_a_stop_at_any_moment_of_a_start(tmp_path: Path, words: tuple[str, ...], number: int) -> None:
     took_s, usual = min(whole(tmp_path, words) for _ in range(2))
