@@ -41,9 +41,9 @@ def read(output: str, site: str) -> Advice | None:
 
 
 def _complete(command: str, site: str) -> tuple[str, ...]:
-    """Fill in what the advice leaves to the reader: the site. The inventory is named for every command."""
+    """Fill in what the advice leaves to the reader: the site, unless a saved plan has it. All have the inventory."""
     words = [word for word in shlex.split(command.rstrip(".;,")) if not word.startswith("inventory=")]
     words = [f"site={site}" if word.startswith("site=") and ("…" in word or "NAME" in word) else word for word in words]
-    if not any(word.startswith("site=") for word in words):
+    if words[0] != "apply" and not any(word.startswith("site=") for word in words):
         words.append(f"site={site}")
     return tuple(words)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from campaign.command import Command
+from campaign.commands import COMMANDS
 from campaign.relay import Way
 from campaign.site import ADDRESSES, ADMIN, FAR, NEAR, STATES, VERSIONS, Site
 
@@ -51,7 +52,7 @@ class Round:
     state: str
     version: str
     command: str
-    """`apply`, `plan`, `drift` or `rollback`."""
+    """One of COMMANDS."""
     json: bool
     faults: tuple[Fault, ...]
     """The first strikes the command, the second what its advice names."""
@@ -71,15 +72,16 @@ class Round:
         }
 
 
+_STATES = dict(zip(STATES, (3, 1, 4, 2), strict=True))
+"""How often devices stand so at the beginning."""
+
+
 def draw(seed: int) -> Round:
     """The round of a seed; the same on every machine."""
     chance = random.Random(f"campaign {seed}")  # noqa: S311 - a test's seed
-    state = chance.choices(STATES, (3, 1, 4, 2))[0]
-    command = chance.choices(("apply", "plan", "drift", "rollback"), (16, 1, 1, 2))[0]
-    if command == "rollback":
-        state = "drifted"
-    if state == "configured" and command == "apply":
-        command = chance.choice(("apply", "drift", "plan"))
+    command = chance.choices(tuple(COMMANDS), [kind.weight for kind in COMMANDS.values()])[0]
+    states = COMMANDS[command].states
+    state = chance.choices(states, [_STATES[state] for state in states])[0]
     count = 2 if chance.random() < 0.25 else 1
     as_json = chance.random() < 0.4
     return Round(

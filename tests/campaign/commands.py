@@ -1,0 +1,77 @@
+"""What people type in a round: how often, on which devices, how it is prepared, and what its green means."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from campaign.site import STATES
+
+if TYPE_CHECKING:
+    from campaign.command import Ended
+    from campaign.judge import Picture
+    from campaign.rounds import Table
+
+SITE = "coastal"
+AGREED = ("--yes", "--accept-cost")
+
+
+class Undisturbed(Protocol):
+    """What a command's preparation may do at the site before anything strikes."""
+
+    def run(self, *words: str) -> "Ended": ...
+
+    def read(self) -> "dict[str, Picture]": ...
+
+
+Prepare = Callable[["Table", Undisturbed], tuple[str, ...]]
+"""Set what is before and what is the target, and return the words that only this round has."""
+
+
+def _nothing(_table: "Table", _site: Undisturbed) -> tuple[str, ...]:
+    return ()
+
+
+@dataclass(frozen=True)
+class CommandKind:
+    words: tuple[str, ...]
+    weight: int
+    """How often it is drawn."""
+    states: tuple[str, ...] = STATES
+    """How devices may stand at the beginning."""
+    green: tuple[int, ...] = (0,)
+    changes: bool = True
+    needs_a_run: bool = False
+    """It goes back to what a run has kept on this laptop: without that there is nothing to do, and a device that is so
+    already has no result."""
+    prepare: Prepare = _nothing
+
+
+def _rollback(table: "Table", site: Undisturbed) -> tuple[str, ...]:
+    """A run first, which is then taken back."""
+    ended = site.run(f"site={SITE}", *AGREED, "--json")
+    assert ended.code == 0, ended.output
+    (run,) = json.loads(ended.out)["runs"]
+    table.target, table.before = table.before, site.read()
+    return (f"to={run}",)
+
+
+def _saved_plan(table: "Table", site: Undisturbed) -> tuple[str, ...]:
+    """The plan of what stands there now, in a file beside the laptop's state."""
+    file = table.site.folder / "saved.plan"
+    ended = site.run(f"site={SITE}", "--plan", "--save", str(file), "--accept-cost")
+    assert ended.code in (0, 2), ended.output
+    return (f"file={file}",)
+
+
+COMMANDS: Mapping[str, CommandKind] = {
+    "apply": CommandKind((f"site={SITE}", *AGREED), 13),
+    "plan": CommandKind((f"site={SITE}", "--plan", "--accept-cost"), 1, green=(0, 2), changes=False),
+    "drift": CommandKind(("drift", f"site={SITE}", "--accept-cost"), 1, green=(0, 6), changes=False),
+    "rollback": CommandKind(
+        ("rollback", f"site={SITE}", *AGREED), 2, ("drifted",), needs_a_run=True, prepare=_rollback
+    ),
+    "apply FILE": CommandKind(("apply", *AGREED), 3, ("adopted", "drifted", "foreign"), prepare=_saved_plan),
+}
+CHANGING = ("site=", "resume", "rollback", "apply")
+"""How commands begin that change devices, where they are not told to plan."""
