@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from campaign.site import STATES
+from campaign.site import ADDRESSES, DRIFTS, ROUTER, STATES
 
 if TYPE_CHECKING:
     from campaign.command import Ended
@@ -41,6 +41,8 @@ class CommandKind:
     """How devices may stand at the beginning."""
     green: tuple[int, ...] = (0,)
     changes: bool = True
+    hosts: tuple[str, ...] = tuple(ADDRESSES)
+    """Of which it has a result."""
     needs_a_run: bool = False
     """It goes back to what a run has kept on this laptop: without that there is nothing to do, and a device that is so
     already has no result."""
@@ -53,6 +55,17 @@ def _rollback(table: "Table", site: Undisturbed) -> tuple[str, ...]:
     assert ended.code == 0, ended.output
     (run,) = json.loads(ended.out)["runs"]
     table.target, table.before = table.before, site.read()
+    return (f"to={run}",)
+
+
+def _restore(table: "Table", site: Undisturbed) -> tuple[str, ...]:
+    """A run first, which keeps what it has confirmed; then somebody changes the router."""
+    ended = site.run(f"site={SITE}", *AGREED, "--json")
+    assert ended.code == 0, ended.output
+    (run,) = json.loads(ended.out)["runs"]
+    for edit in DRIFTS[ROUTER]:
+        table.site.edit(ROUTER, *edit)
+    table.before = site.read()
     return (f"to={run}",)
 
 
@@ -72,6 +85,14 @@ COMMANDS: Mapping[str, CommandKind] = {
         ("rollback", f"site={SITE}", *AGREED), 2, ("drifted",), needs_a_run=True, prepare=_rollback
     ),
     "apply FILE": CommandKind(("apply", *AGREED), 3, ("adopted", "drifted", "foreign"), prepare=_saved_plan),
+    "restore": CommandKind(
+        ("restore", f"device={ROUTER}", *AGREED),
+        3,
+        ("configured", "foreign"),
+        hosts=(ROUTER,),
+        needs_a_run=True,
+        prepare=_restore,
+    ),
 }
-CHANGING = ("site=", "resume", "rollback", "apply")
+CHANGING = ("site=", "resume", "rollback", "apply", "restore")
 """How commands begin that change devices, where they are not told to plan."""

@@ -378,6 +378,7 @@ class Player:
             asked = (
                 not words.startswith("resume")
                 and not _left_out(host, words)
+                and (not words.startswith(table.typed[0]) or host in table.kind.hosts)
                 and not (table.kind.needs_a_run and _is(table.before[host], table.target, table))
             )
             if asked and host not in ended.results:
