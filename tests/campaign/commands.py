@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from atlantis_netcfg.routeros.link_use import SETTLED_S
 from campaign.site import ADDRESSES, DRIFTS, ROUTER, STATES
 
 if TYPE_CHECKING:
@@ -14,6 +15,11 @@ if TYPE_CHECKING:
 
 SITE = "coastal"
 AGREED = ("--yes", "--accept-cost")
+_USE = ("use", f"site={SITE}", "link=4g", "for=50m", "--unproved")
+AFTER_S = 3600.0
+"""What passes before the last look: longer than anything that a run leaves to a device."""
+TICK_S = 30.0
+"""By then a job of a router has run that cuts what began on other links."""
 
 
 class Undisturbed(Protocol):
@@ -43,6 +49,8 @@ class CommandKind:
     changes: bool = True
     hosts: tuple[str, ...] = tuple(ADDRESSES)
     """Of which it has a result."""
+    settles_s: float = 0.0
+    """What a device still does by itself after its green."""
     needs_a_run: bool = False
     """It goes back to what a run has kept on this laptop: without that there is nothing to do, and a device that is so
     already has no result."""
@@ -69,6 +77,20 @@ def _restore(table: "Table", site: Undisturbed) -> tuple[str, ...]:
     return (f"to={run}",)
 
 
+def _use(table: "Table", site: Undisturbed) -> tuple[str, ...]:
+    """An undisturbed use first, whose routes are the target; it ends by itself, and so has the struck one to."""
+    table.site.skip(SETTLED_S)
+    ended = site.run(*_USE, *AGREED)
+    assert ended.code == 0, ended.output
+    table.site.skip(TICK_S)
+    table.target, table.final = site.read(), table.before
+    assert table.target[ROUTER].differs(table.before[ROUTER]), "the link carries no traffic"
+    table.site.skip(AFTER_S)
+    left = site.read()[ROUTER]
+    assert not left.differs(table.before[ROUTER]), left.differs(table.before[ROUTER])
+    return ()
+
+
 def _saved_plan(table: "Table", site: Undisturbed) -> tuple[str, ...]:
     """The plan of what stands there now, in a file beside the laptop's state."""
     file = table.site.folder / "saved.plan"
@@ -85,6 +107,7 @@ COMMANDS: Mapping[str, CommandKind] = {
         ("rollback", f"site={SITE}", *AGREED), 2, ("drifted",), needs_a_run=True, prepare=_rollback
     ),
     "apply FILE": CommandKind(("apply", *AGREED), 3, ("adopted", "drifted", "foreign"), prepare=_saved_plan),
+    "use": CommandKind((*_USE, *AGREED), 3, ("configured",), hosts=(ROUTER,), settles_s=TICK_S, prepare=_use),
     "restore": CommandKind(
         ("restore", f"device={ROUTER}", *AGREED),
         3,
@@ -94,5 +117,5 @@ COMMANDS: Mapping[str, CommandKind] = {
         prepare=_restore,
     ),
 }
-CHANGING = ("site=", "resume", "rollback", "apply", "restore")
+CHANGING = ("site=", "resume", "rollback", "apply", "restore", "use")
 """How commands begin that change devices, where they are not told to plan."""

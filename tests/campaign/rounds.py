@@ -19,7 +19,7 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import TwinRefused
 from campaign import advice
 from campaign.command import ORPHAN_S, PYTHON, SILENCE_S, Command, Ended, end, living
-from campaign.commands import AGREED, CHANGING, COMMANDS, SITE, CommandKind
+from campaign.commands import AFTER_S, AGREED, CHANGING, COMMANDS, SITE, CommandKind
 from campaign.faults import FAULTS, Fault, Round, Struck, draw
 from campaign.judge import Picture, Stranger, menus_of
 from campaign.site import ADDRESSES, Site, Stage, disturb
@@ -35,8 +35,6 @@ STRIDE_S = 60.0
 """What passes at the devices for each second for which a run waits in silence."""
 BOOT_S = 90.0
 """What a device needs after a power cut; less than what passes before a job of ours runs."""
-AFTER_S = 3600.0
-"""What passes before the last look: longer than anything that a run leaves to a device."""
 _POLL_S = 0.02
 _STATE_SIZE = "16m"
 _AS_DECLARED = ("changed", "unchanged")
@@ -60,6 +58,9 @@ class Table:
     menus: Mapping[str, list[str]]
     before: Pictures
     target: Pictures
+    """What devices are once the command has ended with its green."""
+    final: Pictures = field(default_factory=dict)
+    """What they come to by themselves later; without it the target stays."""
     violations: list[str] = field(default_factory=list)
     steps: list[dict[str, Any]] = field(default_factory=list)
     log: list[str] = field(default_factory=list)
@@ -335,6 +336,7 @@ class Player:
         if ended.silent_s > SILENCE_S and "--json" not in typed and not ended.struck:
             table.wrong(f"silent: `{words}` said nothing for {ended.silent_s:.0f} s")
         changes = typed[0].startswith(CHANGING) and "--plan" not in typed
+        table.site.skip(table.kind.settles_s)
         self._judge_results(table, ended, words)
         if ended.code == 0 and changes:
             self._judge_green(table, ended, words)
@@ -361,7 +363,7 @@ class Player:
         said = {host: each["status"] for host, each in devices if each.get("status") in _AS_DECLARED}
         pictures = self.read(table) if said else {}
         for host, status in said.items():
-            if not pictures[host].error and not _is(pictures[host], table.target, table):
+            if not pictures[host].error and not _is_as_promised(pictures[host], table, words):
                 gap = _gap(pictures[host], table)
                 table.wrong(f"{status} and not as declared: {host} after `{words}` ended with {ended.code}: {gap}")
 
@@ -385,9 +387,9 @@ class Player:
                 table.wrong(f"green and missing: `{words}` has no result of {host}")
             if picture.error:
                 table.wrong(f"green and out of reach: {host} after `{words}`: {picture.error}")
-            elif not _is(picture, table.target, table):
+            elif not _is_as_promised(picture, table, words):
                 table.wrong(f"green and not as declared: {host} after `{words}`: {_gap(picture, table)}")
-            for left in picture.armed:
+            for left in set(picture.armed) - set(table.target[host].armed):
                 table.wrong(f"green and left behind: {host} after `{words}`: {left}")
 
     def _judge_the_end(self, table: Table) -> None:
@@ -398,7 +400,7 @@ class Player:
             if picture.error:
                 table.wrong(f"at the end out of reach: {host}: {picture.error}")
                 continue
-            before, target = _is(picture, table.before, table), _is(picture, table.target, table)
+            before, target = _is(picture, table.before, table), _is(picture, table.final or table.target, table)
             if not changes and not before:
                 table.wrong(f"at the end changed by a command that only reads: {host}: {_gap(picture, table)}")
             elif changes and table.green and not target:
@@ -539,6 +541,13 @@ def _left_out(host: str, words: str) -> bool:
 
 def _is(picture: Picture, other: Pictures, table: Table) -> bool:
     return not _lines(picture, other[picture.host], table)
+
+
+def _is_as_promised(picture: Picture, table: Table, words: str) -> bool:
+    """What ends by itself may be over once a device was restarted, and other commands say nothing of it."""
+    restarted = any(what.startswith(("reboot", "power")) for what in table.struck)
+    over = bool(table.final) and (restarted or not words.startswith(table.kind.words[0]))
+    return _is(picture, table.target, table) or (over and _is(picture, table.final, table))
 
 
 def _lines(picture: Picture, other: Picture, table: Table) -> list[str]:
