@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
+from npk_files import write
+
 from atlantis_netcfg.routeros.link_use import SETTLED_S
-from campaign.site import ADDRESSES, DRIFTS, ROUTER, STATES
+from campaign.site import ADDRESSES, DRIFTS, NEXT_VERSION, ROUTER, STATES
 
 if TYPE_CHECKING:
     from campaign.command import Ended
@@ -18,6 +20,7 @@ AGREED = ("--yes", "--accept-cost")
 _USE = ("use", f"site={SITE}", "link=4g", "for=50m", "--unproved")
 AFTER_S = 3600.0
 """What passes before the last look: longer than anything that a run leaves to a device."""
+PACKAGES = "system/package"
 TICK_S = 30.0
 """By then a job of a router has run that cuts what began on other links."""
 
@@ -51,6 +54,8 @@ class CommandKind:
     """Of which it has a result."""
     settles_s: float = 0.0
     """What a device still does by itself after its green."""
+    by_the_clock: bool = False
+    """It holds a device's uptime against this computer's clock: no time is put forward while it runs."""
     needs_a_run: bool = False
     """It goes back to what a run has kept on this laptop: without that there is nothing to do, and a device that is so
     already has no result."""
@@ -84,11 +89,22 @@ def _use(table: "Table", site: Undisturbed) -> tuple[str, ...]:
     assert ended.code == 0, ended.output
     table.site.skip(TICK_S)
     table.target, table.final = site.read(), table.before
-    assert table.target[ROUTER].differs(table.before[ROUTER]), "the link carries no traffic"
+    routes = [line for line in table.target[ROUTER].differs(table.before[ROUTER]) if " ip/route " in line]
+    assert routes, "no route is another one: the link carries no traffic"
     table.site.skip(AFTER_S)
     left = site.read()[ROUTER]
     assert not left.differs(table.before[ROUTER]), left.differs(table.before[ROUTER])
     return ()
+
+
+def _upgrade(table: "Table", site: Undisturbed) -> tuple[str, ...]:
+    """Package files of the next version; nothing else of the router may be another afterwards."""
+    version, now = NEXT_VERSION[table.plan.version], site.read()[ROUTER]
+    packages = now.menus[PACKAGES] or []
+    newer = {**now.menus, PACKAGES: [{**row, "version": version} for row in packages]}
+    table.target = {**table.before, ROUTER: replace(now, menus=newer)}
+    files = [write(table.site.folder, row["name"], version, "arm64") for row in packages]
+    return (f"packages={','.join(map(str, files))}",)
 
 
 def _saved_plan(table: "Table", site: Undisturbed) -> tuple[str, ...]:
@@ -108,6 +124,14 @@ COMMANDS: Mapping[str, CommandKind] = {
     ),
     "apply FILE": CommandKind(("apply", *AGREED), 3, ("adopted", "drifted", "foreign"), prepare=_saved_plan),
     "use": CommandKind((*_USE, *AGREED), 3, ("configured",), hosts=(ROUTER,), settles_s=TICK_S, prepare=_use),
+    "upgrade": CommandKind(
+        ("upgrade", f"site={SITE}", f"device={ROUTER}", *AGREED),
+        2,
+        ("configured",),
+        hosts=(ROUTER,),
+        by_the_clock=True,
+        prepare=_upgrade,
+    ),
     "restore": CommandKind(
         ("restore", f"device={ROUTER}", *AGREED),
         3,
@@ -117,5 +141,5 @@ COMMANDS: Mapping[str, CommandKind] = {
         prepare=_restore,
     ),
 }
-CHANGING = ("site=", "resume", "rollback", "apply", "restore", "use")
+CHANGING = ("site=", "resume", "rollback", "apply", "restore", "use", "upgrade")
 """How commands begin that change devices, where they are not told to plan."""

@@ -209,8 +209,7 @@ class Player:
                 found = advice.Advice(advice.TABLE[ended.code], waits=False, text=f"exit {ended.code}")
             elif found is None and ended.code is not None and ended.code > ExitCode.OUR_FAULT:
                 table.wrong(f"no advice: `{' '.join(typed)}` ended with {ended.code} and names no next step")
-            if ended.code in (ExitCode.OUR_FAULT, ExitCode.USAGE):
-                table.wrong(f"exit {ended.code} of `{' '.join(typed)}`: {ended.advice_text.strip()[-300:]}")
+            _judge_advice(table, ended, typed, found)
             key = (ended.typed, ended.code, found and found.text)
             seen[key] = seen.get(key, 0) + 1
             if seen[key] > 2 and not struck:
@@ -230,6 +229,7 @@ class Player:
         """Run a command until it ends, with a fault at its moment; time passes faster while it waits after that."""
         site = table.site
         command = self._command(site, table.store, typed)
+        command.answer = "yes" if typed[0] in advice.TERMINAL else ""
         others: list[Command] = []
 
         def second() -> None:
@@ -250,7 +250,7 @@ class Player:
             if dead or now - command.begun > HANG_S:
                 killed = True
                 break
-            late = trap.sprung or fault is None or idle > SILENCE_S
+            late = not table.kind.by_the_clock and (trap.sprung or fault is None or idle > SILENCE_S)
             if late and idle > table.plan.quiet_s and now - last_skip > 1.0 and not command.stopped:
                 site.skip(STRIDE_S)
                 last_skip = now
@@ -344,7 +344,7 @@ class Player:
                 journals = [path.read_text(encoding="utf-8") for path in store.glob(f"real/*/runs/{run}/journal.jsonl")]
                 if not any('"kind":"run-ended"' in text for text in journals):
                     table.wrong(f"green and not recorded: `{words}` says that it is recorded as {run}")
-            if not ended.runs and not ended.closed:
+            if not ended.runs and not ended.closed and not ended.changed_nothing:
                 table.wrong(f"green and not recorded: `{words}` names no run")
         elif ended.code == 0 and typed[0].startswith(("site=", "drift")):
             self._judge_green(table, ended, words)
@@ -506,6 +506,15 @@ def laptop(folder: Path) -> Iterator[Path]:
         subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
+def _judge_advice(table: Table, ended: Ended, typed: tuple[str, ...], found: advice.Advice | None) -> None:
+    """It has to be something that can be typed here, or to say where."""
+    words = " ".join(typed)
+    if ended.code in (ExitCode.OUR_FAULT, ExitCode.USAGE):
+        table.wrong(f"exit {ended.code} of `{words}`: {ended.advice_text.strip()[-300:]}")
+    if found is not None and found.typed and found.typed[0] in advice.TERMINAL and not found.on_terminal:
+        table.wrong(f"advice that needs a terminal and does not say so: `{found.text}` after `{words}`")
+
+
 def _agreement(typed: tuple[str, ...], plan: Round) -> tuple[str, ...]:
     """What a person adds so that nothing is asked, and the form in which they read."""
     asks = typed[0].startswith(CHANGING) and typed[0] != "resume" and "--plan" not in typed and "--yes" not in typed
@@ -513,7 +522,7 @@ def _agreement(typed: tuple[str, ...], plan: Round) -> tuple[str, ...]:
     return (
         *(("--yes",) if asks else ()),
         *(("--accept-cost",) if pays else ()),
-        *(("--json",) if plan.json and "--json" not in typed else ()),
+        *(("--json",) if plan.json and "--json" not in typed and typed[0] not in advice.TERMINAL else ()),
     )
 
 

@@ -32,6 +32,8 @@ STRANGER = User(name="stranger", password="as they come")
 ADMIN = User(name="colleague", password="another one")
 VERSIONS = ("7.18.2", "7.18.2", "7.21.5", "7.16")
 """Of the router: safe mode for programs came with 7.18."""
+NEXT_VERSION = {"7.16": "7.16.2", "7.18.2": "7.18.3", "7.21.5": "7.21.6"}
+"""Of which packages are sent: so near that the configuration stays what it is."""
 NO_ACCESS_POINT = ("7.16",)
 STATES = ("adopted", "configured", "drifted", "foreign")
 
