@@ -195,6 +195,9 @@ class Player:
             self._note(table, ended, found, struck=struck)
             self._await_settled(table, earlier, ended)
             self._judge(table, ended, typed, table.store)
+            if typed[0] in advice.TERMINAL:  # it asks about a whole site, of which only some devices are here
+                typed = first
+                continue
             if ended.code in (table.kind.green if typed == first else (0,)):
                 table.green = True
                 return
