@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.bearers import LinkState
 from atlantis_netcfg.bearers.cost import preview
-from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError, nearest
+from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError, complete, nearest
 from atlantis_netcfg.operations.request import LinkOrder
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 
@@ -117,7 +117,7 @@ class UseRequest:
             silent = "; ".join(item.message for item in status.unreachable) or "it does not say how long it has run"
             raise LinkNotFit(
                 f"the router of {self.site} was not read, so nothing was changed: {silent}",
-                hint=f"`provision links site={self.site}` shows which link carries the traffic",
+                hint=_unread_hint(self.site, status),
             )
         if status.uptime_s < SETTLED_S:
             raise LinkNotFit(
@@ -141,12 +141,18 @@ class UseRequest:
         )
 
 
+def _unread_hint(site: str, status: LinksStatus) -> str:
+    """Return what helps against the silence of the router, where it is known."""
+    hint = next((item.hint for item in status.unreachable if item.hint), None)
+    return complete(hint, site=site) if hint else f"`provision links site={site}` shows which link carries the traffic"
+
+
 def ended_order(site: str, status: LinksStatus) -> LinkOrder:
     """Return that the declared order holds again. Raises NothingInUse, LinkNotFit."""
     if status.uptime_s is None:
         raise LinkNotFit(
             f"the router of {site} was not read, so nothing was changed",
-            hint=f"`provision links site={site}` shows which link carries the traffic",
+            hint=_unread_hint(site, status),
         )
     if status.use is None:
         raise NothingInUse(

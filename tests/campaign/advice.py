@@ -8,6 +8,8 @@ from dataclasses import dataclass
 _COMMAND = re.compile(r"`(?:\./)?provision ([^`]+)`|(?:then|died|type|run|again):\s+(?:\./)?provision ([^\n]+)")
 _INFORMS = ("runs", "--help", "help", "links", "validate", "report")
 """Commands that show something and settle nothing."""
+TERMINAL = ("trust",)
+"""Commands that ask a person, and have neither `--yes` nor `--json`."""
 _REMARKS = ("note:", "drift:")
 """Lines of a device's result that advise nothing; they stand as far to the right as its hint goes on."""
 _AGAIN = re.compile(r"\b(again|repeat|once more|run it)\b", re.IGNORECASE)
@@ -24,6 +26,8 @@ class Advice:
     waits: bool
     """The text says that time has to pass first."""
     text: str
+    on_terminal: bool = False
+    """The text says that a person has to type it on a terminal."""
 
 
 def read(output: str, site: str) -> Advice | None:
@@ -34,16 +38,17 @@ def read(output: str, site: str) -> Advice | None:
     commands = [command for command in commands if command.split()[0] not in _INFORMS and "--help" not in command]
     waits = bool(_WAIT.search(joined))
     if commands:
-        return Advice(_complete(commands[-1], site), waits, commands[-1])
+        on_terminal = f"`provision {commands[-1]}` on a terminal" in " ".join(joined.split())
+        return Advice(_complete(commands[-1], site), waits, commands[-1], on_terminal)
     if _AGAIN.search(joined) or waits:
         return Advice(None, waits, "the same again")
     return None
 
 
 def _complete(command: str, site: str) -> tuple[str, ...]:
-    """Fill in what the advice leaves to the reader: the site. The inventory is named for every command."""
+    """Fill in what the advice leaves to the reader: the site, unless a saved plan has it. All have the inventory."""
     words = [word for word in shlex.split(command.rstrip(".;,")) if not word.startswith("inventory=")]
     words = [f"site={site}" if word.startswith("site=") and ("…" in word or "NAME" in word) else word for word in words]
-    if not any(word.startswith("site=") for word in words):
+    if words[0] != "apply" and not any(word.startswith("site=") for word in words):
         words.append(f"site={site}")
     return tuple(words)

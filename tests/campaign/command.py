@@ -20,6 +20,8 @@ _MARK = "ATLANTIS_CAMPAIGN"
 SILENCE_S = 30.0
 ORPHAN_S = 3.0
 """What a process may need to notice that it is not wanted any more."""
+ANSWERS = 12
+"""To so many questions of one command."""
 _POLL_S = 0.02
 _REMINDER = b"  still at work, "
 """How `provision` begins what it says while it waits (`cli/_output.py`)."""
@@ -50,21 +52,34 @@ class Ended:
         return f"{self.err}\n{self.out}"
 
     @property
-    def devices(self) -> dict[str, Any] | None:
-        """What `--json` says of each device; None: no such object."""
+    def told(self) -> dict[str, Any]:
+        """The object of `--json`; empty: there is none."""
         try:
-            told: dict[str, Any] = json.loads(self.out.strip().splitlines()[-1])
+            found: object = json.loads(self.out.strip().splitlines()[-1])
         except (IndexError, ValueError):
-            return None
-        found: dict[str, Any] | None = told.get("devices")
+            return {}
+        return found if isinstance(found, dict) else {}
+
+    @property
+    def devices(self) -> dict[str, Any] | None:
+        """What `--json` says of each device, or of its only one; None: no such object."""
+        if "device" in self.told:
+            return {self.told["device"]: self.told}
+        found: dict[str, Any] | None = self.told.get("devices")
         return found
 
     @property
     def runs(self) -> list[str]:
         """The names under which it says that it is recorded."""
-        if self.devices is not None:
-            return list(json.loads(self.out.strip().splitlines()[-1])["runs"])
-        return [name for names in re.findall(r"(?m)^record +(.+?)(?: in|$)", self.out) for name in names.split(", ")]
+        if self.told:
+            return [*self.told.get("runs", ()), *filter(None, [self.told.get("run")])]
+        found = re.findall(r"(?m)^ *record(?:ed as)? +(.+?)(?: in|$)", self.out)
+        return [name for names in found for name in names.split(", ")]
+
+    @property
+    def changed_nothing(self) -> bool:
+        """An upgrade to what runs already, which is no run."""
+        return self.told.get("status") == "unchanged" or "already so: RouterOS" in self.out
 
     @property
     def results(self) -> Collection[str]:
@@ -82,11 +97,9 @@ class Ended:
     @property
     def advice_text(self) -> str:
         """What a person reads of it: of JSON, its messages and hints."""
-        try:
-            told = json.loads(self.out.strip().splitlines()[-1])
-        except (IndexError, ValueError):
+        if not self.told:
             return self.output
-        rows = told.get("errors", [])
+        rows = [*self.told.get("errors", []), *([self.told] if "message" in self.told else [])]
         return self.err + "\n" + "\n".join(f"{row.get('message')}\n{row.get('hint') or ''}" for row in rows)
 
 
@@ -97,6 +110,8 @@ class Command:
     folder: Path
     closes: bool = False
     """Both outputs are closed by their reader after the first line (`| head -1`)."""
+    answer: str = ""
+    """A person types it on a terminal, to whatever is asked; without it nobody is there."""
     lines: int = 0
     struck: bool = False
     stopped: bool = False
@@ -108,15 +123,19 @@ class Command:
 
     def start(self, python: str) -> None:
         self.begun = self._last = self._news = time.monotonic()
+        keyboard, terminal = os.openpty()
+        os.write(keyboard, f"{self.answer}\n".encode() * ANSWERS)
         self.process = subprocess.Popen(
             [python, "-P", "-m", "atlantis_netcfg", *self.typed],
             env={**self.environment, **dict([self.mark.split("=")])},
             cwd=self.folder,
-            stdin=subprocess.DEVNULL,
+            stdin=terminal if self.answer else subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             start_new_session=True,
         )
+        os.close(terminal)
+        self._keyboard = keyboard
         assert self.process.stdout is not None
         assert self.process.stderr is not None
         self._readers = [
@@ -186,6 +205,7 @@ class Command:
         code = self.process.wait()
         if not self.stopped and not self.closes:
             self._silent_s = max(self._silent_s, self.quiet_s)
+        os.close(self._keyboard)
         orphans = living(self.mark, ORPHAN_S)
         for reader in self._readers:
             reader.join(0.5 if orphans else 5)
@@ -222,10 +242,15 @@ def end(pids: Sequence[int]) -> list[str]:
     return words
 
 
+def _of_processes(name: str) -> list[Path]:
+    """A file of each process; one that has ended meanwhile has none, which a glob would stumble over."""
+    return [folder / name for folder in Path("/proc").iterdir() if folder.name.isdecimal()]
+
+
 def family(pid: int) -> list[int]:
     """A process and all its descendants, parents first."""
     children: dict[int, list[int]] = {}
-    for each in Path("/proc").glob("[0-9]*/stat"):
+    for each in _of_processes("stat"):
         with contextlib.suppress(OSError, IndexError):
             text = each.read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
             if text[0] not in "ZX":
@@ -238,7 +263,7 @@ def family(pid: int) -> list[int]:
 
 def marked(mark: str) -> list[int]:
     found = []
-    for each in Path("/proc").glob("[0-9]*/environ"):
+    for each in _of_processes("environ"):
         with contextlib.suppress(OSError):
             if mark.encode() in each.read_bytes().split(b"\0") and not _dead(int(each.parent.name)):
                 found.append(int(each.parent.name))

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from campaign.command import Command
+from campaign.commands import COMMANDS
 from campaign.relay import Way
-from campaign.site import ADDRESSES, ADMIN, FAR, NEAR, STATES, VERSIONS, Site
+from campaign.site import ADMIN, FAR, NEAR, STATES, VERSIONS, Site
 
-HOSTS = tuple(ADDRESSES)
 SIGNALS = ("KILL", "TERM", "HUP", "INT")
 RECORDS = ("planned", "protected", "layer-sent", "actions-acknowledged", "verified", "releasing", "released", "outcome")
 """Kinds of journal records at which a run may be struck: a piece ends with `released`, the next has `protected`."""
@@ -51,7 +51,7 @@ class Round:
     state: str
     version: str
     command: str
-    """`apply`, `plan`, `drift` or `rollback`."""
+    """One of COMMANDS."""
     json: bool
     faults: tuple[Fault, ...]
     """The first strikes the command, the second what its advice names."""
@@ -71,15 +71,16 @@ class Round:
         }
 
 
+_STATES = dict(zip(STATES, (3, 1, 4, 2), strict=True))
+"""How often devices stand so at the beginning."""
+
+
 def draw(seed: int) -> Round:
     """The round of a seed; the same on every machine."""
     chance = random.Random(f"campaign {seed}")  # noqa: S311 - a test's seed
-    state = chance.choices(STATES, (3, 1, 4, 2))[0]
-    command = chance.choices(("apply", "plan", "drift", "rollback"), (16, 1, 1, 2))[0]
-    if command == "rollback":
-        state = "drifted"
-    if state == "configured" and command == "apply":
-        command = chance.choice(("apply", "drift", "plan"))
+    command = chance.choices(tuple(COMMANDS), [kind.weight for kind in COMMANDS.values()])[0]
+    states = COMMANDS[command].states
+    state = chance.choices(states, [_STATES[state] for state in states])[0]
     count = 2 if chance.random() < 0.25 else 1
     as_json = chance.random() < 0.4
     return Round(
@@ -88,13 +89,13 @@ def draw(seed: int) -> Round:
         chance.choice(VERSIONS),
         command,
         as_json,
-        tuple(_fault(chance, state, as_json=as_json) for _ in range(count)),
+        tuple(_fault(chance, state, COMMANDS[command].hosts, as_json=as_json) for _ in range(count)),
         chance.choice((0.0, 0.0, 120.0, 3600.0)),
         31.0 if chance.random() < 0.3 else 12.0,
     )
 
 
-def _fault(chance: random.Random, state: str, *, as_json: bool) -> Fault:
+def _fault(chance: random.Random, state: str, hosts: tuple[str, ...], *, as_json: bool) -> Fault:
     name = chance.choices(tuple(FAULTS), [_OFTEN.get(name, 1) for name in FAULTS])[0]
     seconds = chance.choice((0.0, 2.0, 6.0, 15.0))
     target = ""
@@ -106,15 +107,15 @@ def _fault(chance: random.Random, state: str, *, as_json: bool) -> Fault:
     elif name in LASTING:
         seconds = chance.choice((2.0, 6.0, 15.0))
     if name in DEVICE_FAULTS:
-        target = chance.choice(HOSTS if name != "air" else (NEAR, FAR))
-    return Fault(name, _moment(chance, state, as_json=as_json), target, seconds)
+        target = chance.choice(hosts if name != "air" else (NEAR, FAR))
+    return Fault(name, _moment(chance, state, hosts, as_json=as_json), target, seconds)
 
 
-def _moment(chance: random.Random, state: str, *, as_json: bool) -> Moment:
+def _moment(chance: random.Random, state: str, hosts: tuple[str, ...], *, as_json: bool) -> Moment:
     most = {"adopted": 60, "drifted": 40, "foreign": 30, "configured": 14}[state]
     what = chance.choices(("request", "device", "record", "kind", "line"), (3, 4, 2, 4, 0 if as_json else 2))[0]
     if what == "device":
-        return Moment("request", chance.randint(1, most // 2), chance.choice(HOSTS))
+        return Moment("request", chance.randint(1, most // 2), chance.choice(hosts))
     if what == "kind":
         return Moment("record", chance.randint(1, 3), chance.choice(RECORDS))
     return Moment(what, chance.randint(1, {"request": most, "record": 45, "line": 25}[what]))

@@ -15,8 +15,9 @@ from campaign.site import ADDRESSES, ADMIN, CHECKOUT, STRANGER, Site
 Rows = list[dict[str, Any]]
 
 _JOBS, _SAFE_MODE, _LISTS = "system/scheduler", "safe-mode", "ip/firewall/address-list"
+_PACKAGES, _FILES = "system/package", "file"
 _MARKER = "atlantis-run"
-_ALWAYS = (_JOBS, _SAFE_MODE, _LISTS, "system/script", "user", "system/identity")
+_ALWAYS = (_JOBS, _SAFE_MODE, _LISTS, "system/script", "user", "system/identity", _PACKAGES, _FILES)
 _MOVES = {
     ".id", ".nextid", ".about", "bytes", "packets", "uptime", "running", "status", "next-run", "run-count", "since",
     "last-logged-in", "creation-time", "last-seen", "done-tests", "failed-tests", "sent-count", "response-count",
@@ -24,7 +25,7 @@ _MOVES = {
     "fp-tx-packet", "fp-rx-drop", "expires-after", "last-link-up-time", "last-link-down-time", "link-downs",
     "active", "inactive", "cache-used", "gmt-offset", "expired", "slave", "loss-count", "loss-percent", "immediate-gw",
     "local-address", "rx-drop", "tx-drop", "rx-error", "tx-error", "tx-queue-drop", "dst-active", "poe-out-status",
-    "actual-mtu", "invalid", "root-path-cost", "mac-address", "hw", "registered-clients",
+    "actual-mtu", "invalid", "root-path-cost", "mac-address", "hw", "registered-clients", "build-time",
 }  # fmt: skip
 """State, not configuration: these fields change by themselves."""
 
@@ -38,7 +39,7 @@ class Picture:
     @cached_property
     def configured(self) -> dict[str, list[str]]:
         """Each menu's rows as lines, without what the device adds or counts by itself, and without somebody else's."""
-        left_out = (_JOBS, _SAFE_MODE)
+        left_out = (_JOBS, _SAFE_MODE, _FILES)
         return {menu: self._lines(menu) for menu in self.menus if menu not in left_out}
 
     @property
@@ -49,14 +50,15 @@ class Picture:
 
     @property
     def armed(self) -> list[str]:
-        """What a run has left on the device: jobs of ours, markers, safe mode that is not a colleague's."""
+        """What a run has left on the device: jobs of ours, markers, packages, safe mode that is not a colleague's."""
         jobs = [f"job {row.get('name')}" for row in self.menus.get(_JOBS) or () if "atlantis" in str(row.get("name"))]
         marks = [
             f"marker {row.get('comment', '')}" for row in self.menus.get(_LISTS) or () if _MARKER in json.dumps(row)
         ]
+        packages = [f"package file {row['name']}" for row in self.menus.get(_FILES) or () if row["type"] == "package"]
         held = [row for row in self.menus.get(_SAFE_MODE) or () if row.get("enabled") in (True, "true", "yes")]
         ours = [row for row in held if f"{ADMIN.name}@" not in str(row.get("owner"))]
-        return [*jobs, *marks, *(f"safe mode is held by {row.get('owner', 'somebody')}" for row in ours)]
+        return [*jobs, *marks, *packages, *(f"safe mode is held by {row.get('owner', 'somebody')}" for row in ours)]
 
     def _lines(self, menu: str) -> list[str]:
         rows = [row for row in self.menus[menu] or () if not _dynamic(row) and row.get("comment") != "foreign"]

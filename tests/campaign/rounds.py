@@ -19,11 +19,11 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import TwinRefused
 from campaign import advice
 from campaign.command import ORPHAN_S, PYTHON, SILENCE_S, Command, Ended, end, living
+from campaign.commands import AFTER_S, AGREED, CHANGING, COMMANDS, SITE, CommandKind
 from campaign.faults import FAULTS, Fault, Round, Struck, draw
 from campaign.judge import Picture, Stranger, menus_of
 from campaign.site import ADDRESSES, Site, Stage, disturb
 
-SITE = "coastal"
 STEPS = 6
 """So often is advice followed; a person would have asked somebody by then."""
 HANG_S = 600.0
@@ -35,13 +35,10 @@ STRIDE_S = 60.0
 """What passes at the devices for each second for which a run waits in silence."""
 BOOT_S = 90.0
 """What a device needs after a power cut; less than what passes before a job of ours runs."""
-AFTER_S = 3600.0
-"""What passes before the last look: longer than anything that a run leaves to a device."""
 _POLL_S = 0.02
 _STATE_SIZE = "16m"
 _AS_DECLARED = ("changed", "unchanged")
 """What a run says of a device that it has read back."""
-_GREEN = {"apply": (0,), "rollback": (0,), "plan": (0, 2), "drift": (0, 6)}
 
 Pictures = dict[str, Picture]
 
@@ -61,6 +58,9 @@ class Table:
     menus: Mapping[str, list[str]]
     before: Pictures
     target: Pictures
+    """What devices are once the command has ended with its green."""
+    final: Pictures = field(default_factory=dict)
+    """What they come to by themselves later; without it the target stays."""
     violations: list[str] = field(default_factory=list)
     steps: list[dict[str, Any]] = field(default_factory=list)
     log: list[str] = field(default_factory=list)
@@ -74,15 +74,12 @@ class Table:
             self.violations.append(what)
 
     @property
+    def kind(self) -> CommandKind:
+        return COMMANDS[self.plan.command]
+
+    @property
     def typed(self) -> tuple[str, ...]:
-        flags = ("--json",) if self.plan.json else ()
-        words = {
-            "apply": (f"site={SITE}", "--yes", "--accept-cost"),
-            "plan": (f"site={SITE}", "--plan", "--accept-cost"),
-            "drift": ("drift", f"site={SITE}", "--accept-cost"),
-            "rollback": ("rollback", f"site={SITE}", "--yes", "--accept-cost"),
-        }[self.plan.command]
-        return (*words, *flags)
+        return (*self.kind.words, *(("--json",) if self.plan.json else ()))
 
 
 class Player:
@@ -103,7 +100,7 @@ class Player:
             disturb(site, Random(f"drift {seed}"))  # noqa: S311 - a test's seed
             before = self._stranger.read(site, reference.menus)
             table = Table(site, plan, store, reference.menus, before, _with_foreign(reference.declared, before))
-            extra = self._prepare(table) if plan.command == "rollback" else ()
+            extra = self._prepare(table)
             self._follow(table, extra)
             self._await_settled(table, tuple(table.settling))
             self._judge_the_end(table)
@@ -142,7 +139,7 @@ class Player:
         with self._stage.site(name, "adopted", version, None) as site, laptop(site.folder / "laptop") as store:
             self._stage.pin(store, site.twins)
             factory = {host: str(site.do(host, "export")) for host in ADDRESSES}
-            ended = self._run(site, store, (f"site={SITE}", "--yes", "--accept-cost"))
+            ended = self.run(site, store, (f"site={SITE}", *AGREED))
             assert ended.code == 0, ended.output
             menus = {host: menus_of([factory[host], str(site.do(host, "export"))]) for host in ADDRESSES}
             declared = self._stranger.read(site, menus)
@@ -159,16 +156,11 @@ class Player:
         making.rename(folder)
 
     def _prepare(self, table: Table) -> tuple[str, ...]:
-        """Rollback: a run first, which is then taken back."""
-        ended = self._run(table.site, table.store, (f"site={SITE}", "--yes", "--accept-cost", "--json"))
-        assert ended.code == 0, ended.output
-        (run,) = json.loads(ended.out)["runs"]
-        table.target = table.before
-        table.before = self._stranger.read(table.site, table.menus)
+        words = table.kind.prepare(table, _Undisturbed(self, table))
         self._stage.lead(table.site.twins)
-        return (f"to={run}",)
+        return words
 
-    def _run(self, site: Site, store: Path, typed: tuple[str, ...]) -> Ended:
+    def run(self, site: Site, store: Path, typed: tuple[str, ...]) -> Ended:
         command = self._command(site, store, typed)
         command.start(PYTHON)
         while command.alive:
@@ -185,6 +177,9 @@ class Player:
         }
         return Command((*typed, f"inventory={site.inventory}"), environment, site.folder)
 
+    def read(self, table: Table) -> Pictures:
+        return self._stranger.read(table.site, table.menus)
+
     # The command, and what its advice leads to.
 
     def _follow(self, table: Table, extra: tuple[str, ...]) -> None:
@@ -200,18 +195,24 @@ class Player:
             self._note(table, ended, found, struck=struck)
             self._await_settled(table, earlier, ended)
             self._judge(table, ended, typed, table.store)
-            mode = table.plan.command if typed == first else typed[0]
-            if ended.code in _GREEN.get(mode, (0,)):
+            if typed[0] in advice.TERMINAL:  # it asks about a whole site, of which only some devices are here
+                typed = first
+                continue
+            if ended.code in (table.kind.green if typed == first else (0,)):
                 table.green = True
                 return
-            if ended.code == ExitCode.NOTHING and mode == "rollback" and _is_lost(table):
+            if (
+                ended.code == ExitCode.NOTHING
+                and typed[0] == table.kind.words[0]
+                and table.kind.needs_a_run
+                and _is_lost(table)
+            ):
                 return
             if found is None and ended.code is not None and ended.code in advice.TABLE:
                 found = advice.Advice(advice.TABLE[ended.code], waits=False, text=f"exit {ended.code}")
             elif found is None and ended.code is not None and ended.code > ExitCode.OUR_FAULT:
                 table.wrong(f"no advice: `{' '.join(typed)}` ended with {ended.code} and names no next step")
-            if ended.code in (ExitCode.OUR_FAULT, ExitCode.USAGE):
-                table.wrong(f"exit {ended.code} of `{' '.join(typed)}`: {ended.advice_text.strip()[-300:]}")
+            _judge_advice(table, ended, typed, found)
             key = (ended.typed, ended.code, found and found.text)
             seen[key] = seen.get(key, 0) + 1
             if seen[key] > 2 and not struck:
@@ -231,6 +232,7 @@ class Player:
         """Run a command until it ends, with a fault at its moment; time passes faster while it waits after that."""
         site = table.site
         command = self._command(site, table.store, typed)
+        command.answer = "yes" if typed[0] in advice.TERMINAL else ""
         others: list[Command] = []
 
         def second() -> None:
@@ -251,7 +253,7 @@ class Player:
             if dead or now - command.begun > HANG_S:
                 killed = True
                 break
-            late = trap.sprung or fault is None or idle > SILENCE_S
+            late = not table.kind.by_the_clock and (trap.sprung or fault is None or idle > SILENCE_S)
             if late and idle > table.plan.quiet_s and now - last_skip > 1.0 and not command.stopped:
                 site.skip(STRIDE_S)
                 last_skip = now
@@ -336,7 +338,8 @@ class Player:
         words = " ".join(typed)
         if ended.silent_s > SILENCE_S and "--json" not in typed and not ended.struck:
             table.wrong(f"silent: `{words}` said nothing for {ended.silent_s:.0f} s")
-        changes = typed[0].startswith(("site=", "resume", "rollback")) and "--plan" not in typed
+        changes = typed[0].startswith(CHANGING) and "--plan" not in typed
+        table.site.skip(table.kind.settles_s)
         self._judge_results(table, ended, words)
         if ended.code == 0 and changes:
             self._judge_green(table, ended, words)
@@ -344,12 +347,12 @@ class Player:
                 journals = [path.read_text(encoding="utf-8") for path in store.glob(f"real/*/runs/{run}/journal.jsonl")]
                 if not any('"kind":"run-ended"' in text for text in journals):
                     table.wrong(f"green and not recorded: `{words}` says that it is recorded as {run}")
-            if not ended.runs and not ended.closed:
+            if not ended.runs and not ended.closed and not ended.changed_nothing:
                 table.wrong(f"green and not recorded: `{words}` names no run")
         elif ended.code == 0 and typed[0].startswith(("site=", "drift")):
             self._judge_green(table, ended, words)
         elif ended.code == 4 and changes:
-            for host, picture in self._stranger.read(table.site, table.menus).items():
+            for host, picture in self.read(table).items():
                 if (
                     not picture.error
                     and not _is(picture, table.before, table)
@@ -361,18 +364,18 @@ class Player:
         """Hold it to what it says of each device, whatever the others came to; only JSON says it without a doubt."""
         devices = (ended.devices or {}).items()
         said = {host: each["status"] for host, each in devices if each.get("status") in _AS_DECLARED}
-        pictures = self._stranger.read(table.site, table.menus) if said else {}
+        pictures = self.read(table) if said else {}
         for host, status in said.items():
-            if not pictures[host].error and not _is(pictures[host], table.target, table):
+            if not pictures[host].error and not _is_as_promised(pictures[host], table, words):
                 gap = _gap(pictures[host], table)
                 table.wrong(f"{status} and not as declared: {host} after `{words}` ended with {ended.code}: {gap}")
 
     def _look(self, table: Table) -> Pictures:
         """Read all devices; one that has just lost its power has the time to boot."""
-        pictures = self._stranger.read(table.site, table.menus)
+        pictures = self.read(table)
         if any(picture.error for picture in pictures.values()):
             table.site.skip(BOOT_S)
-            pictures = self._stranger.read(table.site, table.menus)
+            pictures = self.read(table)
         return pictures
 
     def _judge_green(self, table: Table, ended: Ended, words: str) -> None:
@@ -380,26 +383,27 @@ class Player:
             asked = (
                 not words.startswith("resume")
                 and not _left_out(host, words)
-                and not (words.startswith("rollback") and _is(table.before[host], table.target, table))
+                and (not words.startswith(table.typed[0]) or host in table.kind.hosts)
+                and not (table.kind.needs_a_run and _is(table.before[host], table.target, table))
             )
             if asked and host not in ended.results:
                 table.wrong(f"green and missing: `{words}` has no result of {host}")
             if picture.error:
                 table.wrong(f"green and out of reach: {host} after `{words}`: {picture.error}")
-            elif not _is(picture, table.target, table):
+            elif not _is_as_promised(picture, table, words):
                 table.wrong(f"green and not as declared: {host} after `{words}`: {_gap(picture, table)}")
-            for left in picture.armed:
+            for left in set(picture.armed) - set(table.target[host].armed):
                 table.wrong(f"green and left behind: {host} after `{words}`: {left}")
 
     def _judge_the_end(self, table: Table) -> None:
         """Look again when all that devices do by themselves has been done."""
         table.site.skip(AFTER_S)
-        changes = table.plan.command in {"apply", "rollback"}
-        for host, picture in self._stranger.read(table.site, table.menus).items():
+        changes = table.kind.changes
+        for host, picture in self.read(table).items():
             if picture.error:
                 table.wrong(f"at the end out of reach: {host}: {picture.error}")
                 continue
-            before, target = _is(picture, table.before, table), _is(picture, table.target, table)
+            before, target = _is(picture, table.before, table), _is(picture, table.final or table.target, table)
             if not changes and not before:
                 table.wrong(f"at the end changed by a command that only reads: {host}: {_gap(picture, table)}")
             elif changes and table.green and not target:
@@ -410,6 +414,20 @@ class Player:
                 table.wrong(f"at the end left behind: {host}: {left}")
             if picture.foreign != table.before[host].foreign:
                 table.wrong(f"a row of somebody else's: {host}: {table.before[host].foreign} is {picture.foreign}")
+
+
+@dataclass(frozen=True)
+class _Undisturbed:
+    """What prepares a round: commands that nothing strikes."""
+
+    player: Player
+    table: Table
+
+    def run(self, *words: str) -> Ended:
+        return self.player.run(self.table.site, self.table.store, words)
+
+    def read(self) -> Pictures:
+        return self.player.read(self.table)
 
 
 @dataclass
@@ -491,14 +509,23 @@ def laptop(folder: Path) -> Iterator[Path]:
         subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
+def _judge_advice(table: Table, ended: Ended, typed: tuple[str, ...], found: advice.Advice | None) -> None:
+    """It has to be something that can be typed here, or to say where."""
+    words = " ".join(typed)
+    if ended.code in (ExitCode.OUR_FAULT, ExitCode.USAGE):
+        table.wrong(f"exit {ended.code} of `{words}`: {ended.advice_text.strip()[-300:]}")
+    if found is not None and found.typed and found.typed[0] in advice.TERMINAL and not found.on_terminal:
+        table.wrong(f"advice that needs a terminal and does not say so: `{found.text}` after `{words}`")
+
+
 def _agreement(typed: tuple[str, ...], plan: Round) -> tuple[str, ...]:
     """What a person adds so that nothing is asked, and the form in which they read."""
-    asks = typed[0].startswith(("site=", "rollback")) and "--plan" not in typed and "--yes" not in typed
-    pays = typed[0].startswith(("site=", "rollback", "resume", "drift")) and "--accept-cost" not in typed
+    asks = typed[0].startswith(CHANGING) and typed[0] != "resume" and "--plan" not in typed and "--yes" not in typed
+    pays = typed[0].startswith((*CHANGING, "drift")) and "--accept-cost" not in typed
     return (
         *(("--yes",) if asks else ()),
         *(("--accept-cost",) if pays else ()),
-        *(("--json",) if plan.json and "--json" not in typed else ()),
+        *(("--json",) if plan.json and "--json" not in typed and typed[0] not in advice.TERMINAL else ()),
     )
 
 
@@ -526,6 +553,13 @@ def _left_out(host: str, words: str) -> bool:
 
 def _is(picture: Picture, other: Pictures, table: Table) -> bool:
     return not _lines(picture, other[picture.host], table)
+
+
+def _is_as_promised(picture: Picture, table: Table, words: str) -> bool:
+    """What ends by itself may be over once a device was restarted, and other commands say nothing of it."""
+    restarted = any(what.startswith(("reboot", "power")) for what in table.struck)
+    over = bool(table.final) and (restarted or not words.startswith(table.kind.words[0]))
+    return _is(picture, table.target, table) or (over and _is(picture, table.final, table))
 
 
 def _lines(picture: Picture, other: Picture, table: Table) -> list[str]:

@@ -23,8 +23,8 @@ from atlantis_netcfg.operations.rehearsal import site_spec
 from campaign.relay import Relay
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-NEAR, FAR = "coastal-cpe", "scc-cpe"
-ADDRESSES = {"coastal-router": "10.64.101.1", NEAR: "10.10.0.4", FAR: "10.10.0.3", "coastal-4g": "10.10.1.1"}
+ROUTER, NEAR, FAR = "coastal-router", "coastal-cpe", "scc-cpe"
+ADDRESSES = {ROUTER: "10.64.101.1", NEAR: "10.10.0.4", FAR: "10.10.0.3", "coastal-4g": "10.10.1.1"}
 """What `site=coastal` goes to, and the other end of its bridge."""
 SERVICES = {8729: "api_ssl", 22: "ssh"}
 """What leads to the twins."""
@@ -32,6 +32,8 @@ STRANGER = User(name="stranger", password="as they come")
 ADMIN = User(name="colleague", password="another one")
 VERSIONS = ("7.18.2", "7.18.2", "7.21.5", "7.16")
 """Of the router: safe mode for programs came with 7.18."""
+NEXT_VERSION = {"7.16": "7.16.2", "7.18.2": "7.18.3", "7.21.5": "7.21.6"}
+"""Of which packages are sent: so near that the configuration stays what it is."""
 NO_ACCESS_POINT = ("7.16",)
 STATES = ("adopted", "configured", "drifted", "foreign")
 

@@ -9,13 +9,19 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from campaign import __main__
+from campaign.faults import draw
+from campaign.rounds import Player
+from campaign.site import VERSIONS
+
 CHECKOUT = Path(__file__).resolve().parents[2]
-SAMPLE: tuple[tuple[int, ...], ...] = ((8, 6), (1, 7), (91, 92))
+SAMPLE: tuple[tuple[int, ...], ...] = ((8, 53, 65), (57, 17), (97, 2))
 """Seeds of CI, those in a row one after another."""
 PIECE = 5
 """So many seeds of a range are one test, which a worker of xdist plays one after another."""
@@ -64,6 +70,7 @@ def play(seeds: tuple[int, ...], folder: Path, references: Path) -> list[dict[st
 def _paths() -> Iterator[Path]:
     yield CHECKOUT / "tests"
     yield CHECKOUT / "tests/integration/provision"
+    yield CHECKOUT / "tests/integration/upgrade"
 
 
 def report(records: list[dict[str, Any]], folder: Path) -> list[str]:
@@ -87,6 +94,34 @@ def references(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def fault_records(request: pytest.FixtureRequest, references: Path) -> Path:
     named: Path | None = request.config.getoption("--fault-records")
     return named or references.with_name("campaign.jsonl")
+
+
+def test_the_sample_has_every_version_and_every_command() -> None:
+    rounds = [draw(seed) for seeds in SAMPLE for seed in seeds]
+    assert {each.version for each in rounds} == set(VERSIONS)
+    assert {each.command for each in rounds} >= {"apply", "apply FILE", "restore", "use", "upgrade", "rollback"}
+
+
+def test_a_driver_that_fails_fails_its_seed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_player: Player, seed: int) -> dict[str, Any]:
+        raise RuntimeError(f"the relay of seed {seed} is gone")
+
+    monkeypatch.setattr(Player, "play", fail)
+    monkeypatch.setattr(__main__, "Stage", lambda _folder: nullcontext())
+    monkeypatch.setattr(__main__, "Stranger", lambda _folder: nullcontext())
+    monkeypatch.setattr(sys, "argv", ["campaign", "--folder", str(tmp_path), "--references", str(tmp_path), "7", "8"])
+    assert __main__.main() == 0
+    records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [violation.splitlines()[-1] for record in records for violation in record["violations"]] == [
+        "RuntimeError: the relay of seed 7 is gone",
+        "RuntimeError: the relay of seed 8 is gone",
+    ]
+    assert [line.partition(":")[0] for line in report(records, tmp_path) if line.startswith("seed")] == [
+        "seed 7",
+        "seed 8",
+    ]
 
 
 @pytest.mark.parametrize("seeds", SAMPLE, ids=str)

@@ -10,7 +10,8 @@ import pytest
 from atlantis_netcfg.cli._output import _reminder
 from atlantis_netcfg.core.events import Event, Stage
 from campaign import advice
-from campaign.command import Command, end, living
+from campaign.command import Command, Ended, end, living
+from campaign.commands import COMMANDS
 from campaign.faults import FAULTS, draw
 from campaign.judge import Picture
 
@@ -92,14 +93,15 @@ def test_what_a_run_leaves_is_seen() -> None:
 
 
 def test_a_seed_stands_for_one_round() -> None:
-    assert draw(6).as_dict() == {
-        "seed": 6,
+    assert draw(65).as_dict() == {
+        "seed": 65,
         "state": "drifted",
         "version": "7.18.2",
-        "command": "apply",
+        "command": "apply FILE",
         "json": False,
-        "faults": ["gap coastal-4g for 2 s at record 2 of outcome"],
+        "faults": ["state full for 6 s at line 9"],
     }
+    assert {draw(seed).command for seed in range(300)} == set(COMMANDS)
     assert {fault.name for seed in range(300) for fault in draw(seed).faults} == set(FAULTS)
 
 
@@ -130,3 +132,39 @@ def test_a_word_that_is_no_news_ends_the_silence_and_not_the_waiting(tmp_path: P
     command.start(sys.executable)
     assert command.finish().out == f"{told}\n"
     assert command.idle_s > command.quiet_s
+
+
+LOST = """  coastal-router     nothing was changed: its certificate is not known here
+                     `provision trust site=coastal` on a terminal shows who answers, and asks you; or declare it
+"""
+
+
+def test_advice_that_needs_a_terminal_has_to_say_so() -> None:
+    said, unsaid = advice.read(LOST, "coastal"), advice.read(LOST.replace(" on a terminal", ""), "coastal")
+    assert said is not None
+    assert unsaid is not None
+    assert said.typed == unsaid.typed == ("trust", "site=coastal")
+    assert (said.on_terminal, unsaid.on_terminal) == (True, False)
+
+
+def test_what_needs_a_terminal_is_typed_on_one(tmp_path: Path) -> None:
+    script = "import sys\nprint(sys.stdin.isatty() and [input(), input()])\n"
+    (tmp_path / "atlantis_netcfg.py").write_text(script, encoding="utf-8")
+    environment = {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}
+    told = []
+    for answer in ("yes", ""):
+        command = Command((), environment, tmp_path, answer=answer)
+        command.start(sys.executable)
+        command.process.wait()
+        told.append(command.finish().out)
+    assert told == ["['yes', 'yes']\n", "False\n"]
+
+
+def test_an_upgrade_tells_of_its_run_and_of_its_only_device() -> None:
+    told = '{"device": "coastal-router", "status": "changed", "run": "20261128T135453Z", "message": "", "hint": null}\n'
+    text = "  coastal-router     RouterOS 7.18.2 -> 7.18.3\n  recorded as 20261128T135453Z\n"
+    for out in (told, text):
+        ended = Ended(("upgrade",), 0, out, "", 1.0, 1.0, [])
+        assert list(ended.results)[:1] == ["coastal-router"]
+        assert ended.runs == ["20261128T135453Z"]
+        assert not ended.changed_nothing

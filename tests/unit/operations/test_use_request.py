@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState
-from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.errors import TRUST, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.costs import link_of
@@ -24,6 +24,7 @@ from atlantis_netcfg.operations.link_use import (
     span_s,
 )
 from atlantis_netcfg.operations.links.look import LinksStatus
+from atlantis_netcfg.operations.links.status import Silent
 from atlantis_netcfg.routeros.link_use import LinkUse, in_use
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
@@ -156,3 +157,12 @@ def test_every_host_that_is_called_handled_is_in_a_play_with_the_role() -> None:
     found = {host.name for host in load(ROOT / "inventory").hosts.values() if handled(host)}
     assert found
     assert found <= hosts
+
+
+def test_a_router_that_nobody_knows_here_is_met_as_its_own_silence_advises() -> None:
+    unknown = replace(status(uptime_s=None), unreachable=(Silent("coastal-router", "not known here", TRUST),))
+    with pytest.raises(LinkNotFit) as begun:
+        wanted().order(unknown)
+    with pytest.raises(LinkNotFit) as ended:
+        ended_order("coastal", unknown)
+    assert begun.value.hint == ended.value.hint == TRUST.replace("site=…", "site=coastal")
