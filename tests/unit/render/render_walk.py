@@ -29,6 +29,8 @@ class Packet:
     src_port: int = 0
     flags: frozenset[str] = frozenset({"syn"})
     """Of TCP; of an answer `ack` is among them."""
+    is_beyond_limit: bool = False
+    """More of its source than a rule admits in a second have come before."""
 
 
 class Walk:
@@ -94,6 +96,7 @@ class Walk:
             "src-port": lambda: packet.protocol in ("tcp", "udp") and _among(packet.src_port, wanted),
             "tcp-flags": lambda: packet.flags.issuperset(wanted.split(",")),
             "connection-state": lambda: packet.state in wanted.split(","),
+            "dst-limit": lambda: not packet.is_beyond_limit,
             "connection-nat-state": lambda: wanted in packet.nat_state,
         }
         assert name in known, f"the walk does not know the matcher {name}"

@@ -368,6 +368,8 @@ def test_control_centre_forwards_the_vpn_and_measurements_from_every_side(port: 
         assert walk.accepts("forward", back)
     unasked = Packet("198.18.0.9", host, "ether1", "bridge-lan", "udp", port)
     assert not walk.accepts("forward", unasked)
+    assert not walk.accepts("forward", replace(inside, is_beyond_limit=True)), "a flood of new connections"
+    assert walk.accepts("forward", replace(inside, is_beyond_limit=True, state="established")), "who is there stays"
 
 
 def test_control_centre_hides_its_lan_only_where_an_answer_would_miss_the_router() -> None:

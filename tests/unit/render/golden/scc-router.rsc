@@ -125,8 +125,9 @@ add action=accept chain=forward comment="atlantis: technician to the LAN" in-int
 add action=accept chain=forward comment="atlantis: technician by the best link" in-interface-list=MGMT out-interface-list=WAN src-address=10.64.100.0/24
 add action=accept chain=forward comment="atlantis: technician to the radios" in-interface-list=MGMT out-interface-list=SERVED src-address=10.64.100.0/24
 add action=accept chain=forward comment="atlantis: wifi-ptp by our best link" in-interface=ether2 out-interface-list=WAN src-address=10.10.0.0/29
-add action=accept chain=forward comment="atlantis: forwarded to scc-vpn" connection-nat-state=dstnat dst-address=10.64.0.10 dst-port=1194 out-interface-list=LAN protocol=udp
-add action=accept chain=forward comment="atlantis: forwarded to scc-control" connection-nat-state=dstnat dst-address=10.64.0.11 dst-port=862 out-interface-list=LAN protocol=udp
+# Anybody may send to these: of one address 32 connections a second begin, and those that are open are accepted above.
+add action=accept chain=forward comment="atlantis: forwarded to scc-vpn" connection-nat-state=dstnat dst-address=10.64.0.10 dst-limit=32,32,src-address/10s dst-port=1194 out-interface-list=LAN protocol=udp
+add action=accept chain=forward comment="atlantis: forwarded to scc-control" connection-nat-state=dstnat dst-address=10.64.0.11 dst-limit=32,32,src-address/10s dst-port=862 out-interface-list=LAN protocol=udp
 add action=log chain=forward comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop forward"
 add action=drop chain=forward comment="atlantis: everything else"
 # Output is open but for the satellite: the router itself asks for time, pings its canaries and holds the tunnel.
