@@ -98,7 +98,7 @@ class Stage:
         return made
 
     def watch(self, who: str) -> "Watch":
-        made = self.open(who, socket.SOCK_RAW, socket.htons(_ETH_P_IP), socket.AF_PACKET)
+        made = self.open(who, socket.SOCK_RAW, 0, socket.AF_PACKET)  # with a protocol it would hear all interfaces
         made.bind(("near", _ETH_P_IP))
         return Watch(made)
 

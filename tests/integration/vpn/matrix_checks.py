@@ -156,7 +156,7 @@ def multicast(reach: Reach) -> None:
     """OpenVPN would give the server's to every client."""
     with ExitStack() as stack:
         watches = [
-            stack.enter_context(reach.made.socket(who, socket.AF_PACKET, socket.SOCK_DGRAM, socket.htons(0x0800)))
+            stack.enter_context(reach.made.socket(who, socket.AF_PACKET, socket.SOCK_DGRAM, 0))
             for who in (ZARCO, SPARUS)
         ]
         for watch in watches:

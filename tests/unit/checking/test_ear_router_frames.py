@@ -5,7 +5,8 @@ import struct
 
 import pytest
 
-from atlantis_netcfg.checklist.probes.agent.main import _advertisement, _checksum, _solicitation
+from atlantis_netcfg.checklist.probes.agent.main import _advertisement, _checksum, _segment, _solicitation
+from atlantis_netcfg.checklist.probes.agent.streams import ProbeError
 
 MAC, ROUTER_MAC = bytes.fromhex("02005e000110"), bytes.fromhex("02005e000124")
 ADDRESS = socket.inet_pton(socket.AF_INET6, "fe80::124")
@@ -59,6 +60,20 @@ def test_options_that_lie_about_their_length_end_the_list() -> None:
 def test_frames_that_end_early() -> None:
     whole = advertisement(prefix())
     assert not [length for length in range(len(whole)) if _advertisement(whole[:length])]
+
+
+def test_no_other_interface_is_heard_before_the_one_that_was_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A socket of AF_PACKET with a protocol hears every interface until it is bound (packet(7))."""
+    made: list[tuple[object, ...]] = []
+
+    def refuse(*words: object) -> socket.socket:
+        made.append(words)
+        raise PermissionError
+
+    monkeypatch.setattr("socket.socket", refuse)
+    with pytest.raises(ProbeError, match="only root may ask"), _segment("lo", 0x86DD, "routers"):
+        pass
+    assert made == [(socket.AF_PACKET, socket.SOCK_RAW, 0)]
 
 
 def test_the_question() -> None:

@@ -142,7 +142,9 @@ def _segment(word: str, protocol: int, what: str) -> Iterator[tuple[socket.socke
     """Give a socket for frames of a protocol, name and card of the interface. Raises ProbeError, also within."""
     name = _interface(word)
     try:
-        with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(protocol)) as wire:
+        with socket.socket(
+            socket.AF_PACKET, socket.SOCK_RAW, 0
+        ) as wire:  # with a protocol it would hear all interfaces
             wire.bind((name, protocol))
             mac = wire.getsockname()[4]
             if len(mac) != len(_BROADCAST):
