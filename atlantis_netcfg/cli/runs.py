@@ -119,9 +119,9 @@ def _row(run: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
 def _line(row: dict[str, Any]) -> str:
     end = f"UNFINISHED, go on: `{row['next']}`" if row["unfinished"] else f"exit {row['exit']}"
     devices = ", ".join(_device(name, outcome) for name, outcome in row["devices"].items())
-    prepared = f"{translate('emulated devices prepared:')} " if row["prepares"] else ""
+    purpose = f"{translate('emulated devices prepared:')} " if row["prepares"] else ""
     damage = f"  DAMAGED JOURNAL: {', '.join(row['damage'])}" if row["damage"] else ""
-    return f"{row['run']}  {row['site']:<10} {end}  {prepared}{devices}{damage}"
+    return f"{row['run']}  {row['site']:<10} {end}  {purpose}{devices}{damage}"
 
 
 def _device(name: str, outcome: dict[str, Any]) -> str:

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 _LENGTH = 12
 _GUESSES = 10**10
 """What zxcvbn calls very hard to guess; a recorded handshake of WPA2 takes a million guesses a second."""
-_JUDGED = 32
+_PREFIX = 32
 """Characters that are judged: longer secrets are keys, and judging all of one takes long."""
-_ASSIGNED = {("sim", "pin"), ("sim", "password")}
+_BY_PROVIDER = {("sim", "pin"), ("sim", "password")}
 """Nobody here has chosen them: the provider has."""
 
 
@@ -51,22 +51,22 @@ def weak(draft: Draft) -> Iterator[Finding]:
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
             if isinstance(draft.nodes[part].at(*path).value, Secret) and not isinstance(secret, SealedSecret):
-                message, hint = _weakness(str(path[-1]), secret.reveal(), words, chosen=path[-2:] not in _ASSIGNED)
+                message, hint = _weakness(str(path[-1]), secret.reveal(), words, is_ours=path[-2:] not in _BY_PROVIDER)
                 if message:
                     yield draft.wrong(part, path, message, hint)
 
 
-def _weakness(name: str, text: str, words: tuple[str, ...], *, chosen: bool) -> tuple[str, str]:
+def _weakness(name: str, text: str, words: tuple[str, ...], *, is_ours: bool) -> tuple[str, str]:
     """What is wrong with a secret, and what to do; both empty if nothing is."""
     if "EXAMPLE" in text.upper():
         hint = "vault the real value; while there is none, write EXAMPLE-… without `!vault`"
         return f"`{name}` is vaulted, but it is still an example", hint
-    if not (chosen and text and text.isprintable()):  # for the latter two see above
+    if not (is_ours and text and text.isprintable()):  # for the latter two see above
         return "", ""
     hint = f"make a random one (openssl rand -base64 18), then ansible-vault encrypt_string --stdin-name {name}"
     if len(text) < _LENGTH:
         return f"`{name}` has fewer than {_LENGTH} characters", hint
-    if passwords.guesses(text[:_JUDGED], words)[0] < _GUESSES:
+    if passwords.guesses(text[:_PREFIX], words)[0] < _GUESSES:
         return f"`{name}` is easy to guess", hint
     return "", ""
 

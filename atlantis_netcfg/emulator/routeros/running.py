@@ -139,17 +139,17 @@ class SpawnedSite:
         try:
             print(json.dumps(command), file=self._process.stdin, flush=True)
         except (OSError, ValueError) as gone:
-            raise self._ended() from gone
+            raise self._death() from gone
 
     def _hear(self) -> dict[str, Any]:
         line = self._process.stdout.readline() if self._process.stdout is not None else ""
         if not line:
             self.close()
-            raise self._ended()
+            raise self._death()
         values: dict[str, Any] = json.loads(line)
         return values
 
-    def _ended(self) -> TwinsFailed:
+    def _death(self) -> TwinsFailed:
         """Show the end of its log, which goes with the rehearsal."""
         last: list[str] = []
         with suppress(OSError):
