@@ -9,7 +9,7 @@ from quay import CHECKOUT
 from test_rehearsal import provision
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.journal import SiteLock, Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal
 from atlantis_netcfg.operations.site import perform
 
@@ -28,7 +28,11 @@ def run(state: Path, twins: Rehearsal) -> tuple[dict[str, Any], list[dict[str, A
 
 
 @pytest.mark.slow
-def test_a_site_that_is_held_fails_alone_and_each_result_is_told_as_it_comes(tmp_path: Path) -> None:
+def test_a_site_that_is_held_fails_alone_and_each_result_is_told_as_it_comes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rehearsals are locked here as real runs are."""
+    monkeypatch.setattr(Store, "lock", lambda self, site, command: SiteLock(self.root / site / "lock", site, command))
     declaration = load(INVENTORY)
     store = Store(tmp_path / "state", rehearsed=True)
     with rehearsal(declaration, [declaration.hosts[name] for name in ROUTERS], via="lan") as twins:
