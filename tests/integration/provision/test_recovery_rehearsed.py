@@ -11,6 +11,9 @@ from quay import PROVISION, ROUTER, Quay, fresh_quay
 from test_real_run import await_record, kill_workers
 from waiting import wait_until
 
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.journal.records import RunEnded
+
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 at = pytest.fixture(fresh_quay)
 
@@ -69,10 +72,15 @@ def test_a_rehearsed_rollback_says_what_stands_for_the_device(at: Quay) -> None:
 
 def test_a_rehearsal_finds_a_rollback_that_the_device_would_refuse(at: Quay) -> None:
     at.configure()
+    store = Store(at.state)
+    (run,) = store.runs("coastal")
+    before = run.before(ROUTER)
+    assert run.started is not None
+    assert before is not None
+    with store.start(run.started) as journal:
+        journal.save(ROUTER, f"{before.text()}/ip address\nadd address=10.9.9.1/24 interface=ether99\n")
+        journal.write(RunEnded(exit=0))
     left = untouched(at)
-    (saved,) = at.state.glob("real/coastal/runs/*/before/*.rsc")
-    with saved.open("a", encoding="utf-8") as file:
-        file.write("/ip address\nadd address=10.9.9.1/24 interface=ether99\n")
     told = at.json("rollback", "site=coastal", "to=latest", "--rehearse", code=4)
     assert "ether99" in told["devices"][ROUTER]["message"]
     assert untouched(at) == left
