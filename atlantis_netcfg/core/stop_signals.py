@@ -49,11 +49,11 @@ def handlers() -> dict[int, Any]:
 
 def restore(before: Mapping[int, Any]) -> None:
     """Let them be answered as before, and forget what came."""
-    _pending.clear()
     if threading.current_thread() is threading.main_thread():
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
             signal.signal(number, handler)
+    _pending.clear()
 
 
 def ignore() -> None:
@@ -74,7 +74,7 @@ def _raise_or_wait(_number: int, frame: FrameType | None) -> None:
     if _is_importing(frame):
         _repeat()
         return
-    raise KeyboardInterrupt(_pending[0])
+    raise KeyboardInterrupt(pending_stop())
 
 
 def _is_importing(frame: FrameType | None) -> bool:

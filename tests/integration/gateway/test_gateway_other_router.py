@@ -48,17 +48,23 @@ def routes(stand: Stand) -> dict[str, bool]:
     }
 
 
-def test_no_route_comes_from_another_computer(
+@pytest.fixture
+def stand(
     machine: Start,  # noqa: F811 - fixtures
     technician: Key,  # noqa: F811
     ground: Lab,  # noqa: F811
     tmp_path: Path,
-) -> None:
-    """The same frames deceive the computer as it comes from the vendor."""
-    stand = Stand(machine(NAME), technician, tmp_path, ["gateway_base"])
+) -> Stand:
+    """A gateway as it comes from the vendor, and a robot's address beside it."""
+    made = Stand(machine(NAME), technician, tmp_path, ["gateway_base"])
     ground.own(f"{OTHER}/24")
-    stand.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
-    stand.gateway.run("systemctl daemon-reload")
+    made.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
+    made.gateway.run("systemctl daemon-reload")
+    return made
+
+
+def test_no_route_comes_from_another_computer(stand: Stand, ground: Lab) -> None:  # noqa: F811 - a fixture
+    """The same frames deceive the computer as it comes from the vendor."""
     deceive(stand, ground)
     assert routes(stand) == {"default route": True, "address": True, "redirect": True}
 
@@ -80,17 +86,8 @@ def test_no_route_comes_from_another_computer(
     assert routes(stand) == none, "the kernel alone, without the firewall"
 
 
-def test_the_firewall_alone_keeps_them_out(
-    machine: Start,  # noqa: F811 - fixtures
-    technician: Key,  # noqa: F811
-    ground: Lab,  # noqa: F811
-    tmp_path: Path,
-) -> None:
+def test_the_firewall_alone_keeps_them_out(stand: Stand, ground: Lab) -> None:  # noqa: F811 - a fixture
     """Whatever switches the kernel's own protection off: a tool of the network, or a person."""
-    stand = Stand(machine(NAME), technician, tmp_path, ["gateway_base"])
-    ground.own(f"{OTHER}/24")
-    stand.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
-    stand.gateway.run("systemctl daemon-reload")
     stand.run()
     keys = "/proc/sys/net/ipv4/conf/*/accept_redirects /proc/sys/net/ipv6/conf/*/accept_ra"
     stand.gateway.run(f"for key in {keys}; do echo 1 > $key; done")

@@ -142,9 +142,8 @@ def _segment(word: str, protocol: int, what: str) -> Iterator[tuple[socket.socke
     """Give a socket for frames of a protocol, name and card of the interface. Raises ProbeError, also within."""
     name = _interface(word)
     try:
-        with socket.socket(
-            socket.AF_PACKET, socket.SOCK_RAW, 0
-        ) as wire:  # with a protocol it would hear all interfaces
+        # With a protocol it would hear all interfaces until it is bound.
+        with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as wire:
             wire.bind((name, protocol))
             mac = wire.getsockname()[4]
             if len(mac) != len(_BROADCAST):

@@ -167,11 +167,11 @@ class RehearsedEars:
         """What answers a question that goes to everybody on the segment of an interface."""
         absent = f"this computer has no interface {question.interface}"
         if isinstance(question, RouterSolicitRequest):
-            known = computer.routers(question.interface)
-            if known is None:
+            routers = computer.routers(question.interface)
+            if routers is None:
                 return RouterAdvertisements(Trouble.MISSING, absent)
-            routers = (RouterAdvertisement(r.address, r.mac.lower(), r.lifetime_s, r.prefixes) for r in known)
-            return RouterAdvertisements(None, "", tuple(routers))
+            advertisements = (RouterAdvertisement(r.address, r.mac.lower(), r.lifetime_s, r.prefixes) for r in routers)
+            return RouterAdvertisements(None, "", tuple(advertisements))
         found = computer.offers(question.interface, question.cards)
         if found is None:
             return DhcpOffers(Trouble.MISSING, absent)
