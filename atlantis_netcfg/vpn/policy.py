@@ -13,6 +13,7 @@ connection that they belong to. What the policy permits no longer is therefore c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, date, datetime, time, timedelta
 from enum import StrEnum
 from functools import cached_property
 from ipaddress import IPv4Address, IPv4Network
@@ -336,11 +337,18 @@ _ANSWER = "ct state established ct direction reply"
 
 def firewall(declaration: Declaration, membership: MembershipList) -> str:
     """What `nft -f` loads, atomically and as often as one likes."""
-    return text(policy(declaration, membership))
+    vpn = declaration.pilot.vpn
+    ends_s = None if vpn.shared_key_until is None else _end_of_day_s(vpn.shared_key_until)
+    return text(policy(declaration, membership), shared_key_ends_s=ends_s, port=vpn.port)
 
 
-def text(matrix: Policy) -> str:
-    """The same of a policy."""
+def _end_of_day_s(day: str) -> int:
+    """The first second after a day (UTC), in seconds since 1970."""
+    return int(datetime.combine(date.fromisoformat(day) + timedelta(days=1), time.min, UTC).timestamp())
+
+
+def text(matrix: Policy, *, shared_key_ends_s: int | None = None, port: int = 1194) -> str:
+    """The same of a policy. From `shared_key_ends_s` on (since 1970) no first packet of the shared key is let in."""
     return (
         environment()
         .get_template("openvpn/vpn.nft.j2")
@@ -348,6 +356,8 @@ def text(matrix: Policy) -> str:
             zones=matrix.zones,
             forward=[line for item in matrix.permissions for line in _forward(item)],
             input=[line for permission in matrix.permissions for line in _input(permission)],
+            shared_key_ends_s=shared_key_ends_s,
+            port=port,
         )
     )
 

@@ -244,6 +244,7 @@ def server_conf(declaration: Declaration, host: Host) -> str:
         "folder": FOLDER,
         "routes": tuple(network for name in declaration.hosts for network in _behind(declaration, name)),
         "ciphers": ":".join(sorted(_CIPHERS, key=lambda cipher: cipher.replace("-", "") != _declared(vpn.cipher))),
+        "force_cookie": vpn.force_cookie,
         "max_clients": vpn.max_clients,
         "new_clients_per_10_s": vpn.new_clients_per_10_s,
         "ping_s": ping_s,

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import OpenVpnVersion, RosDistribution
+from atlantis_netcfg.declaration.model import Gateway, OpenVpnVersion, RosDistribution
 from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, Member, MemberKind, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration import Declaration, Host
 
 
 UBUNTU: Mapping[RosDistribution, tuple[str, OpenVpnVersion]] = {
@@ -67,6 +67,30 @@ def openvpn(
     return UBUNTU[shipped][1] if shipped is not None else None
 
 
-def wrap_for(version: OpenVpnVersion | None) -> Wrap:
-    """The best key that a client of this version can read."""
+_WITH_COOKIES = frozenset({OpenVpnVersion.V2_6, OpenVpnVersion.V2_7})
+
+
+def wrap_for(version: OpenVpnVersion | None, *, force_cookie: bool = False) -> Wrap:
+    """The best key with which the server admits a client of this version.
+
+    Only OpenVPN from 2.6 on answers the cookie of a server that insists on it (`force-cookie`, openvpn(8)); 2.5 was
+    seen to be left without an answer, and of RouterOS nobody has shown it.
+    """
+    if force_cookie:
+        return Wrap.TLS_CRYPT_V2 if version in _WITH_COOKIES else Wrap.TLS_CRYPT
     return Wrap.TLS_CRYPT if version is OpenVpnVersion.V2_4 else Wrap.TLS_CRYPT_V2
+
+
+def wrap_of_host(declaration: Declaration, host: Host) -> Wrap:
+    """The best key for a computer or router of ours: a gateway's Ubuntu 20.04 has OpenVPN 2.4 (facts 10)."""
+    version = OpenVpnVersion.V2_4 if isinstance(host.device, Gateway) else None
+    return wrap_for(version, force_cookie=declaration.pilot.vpn.force_cookie)
+
+
+def wrap_of(declaration: Declaration, member: Member) -> Wrap:
+    """The best key for a member, as far as its OpenVPN is known."""
+    host = declaration.hosts.get(member.name) if member.partner is None else None
+    if host is not None:
+        return wrap_of_host(declaration, host)
+    version = openvpn(declaration, member.kind, member.vehicle, release=member.distribution)
+    return wrap_for(version, force_cookie=declaration.pilot.vpn.force_cookie)

@@ -204,7 +204,7 @@ def run_vpn_status(arguments: Arguments) -> ExitCode:
     authority = _common.opened(arguments)
     server = _common.server(arguments, declaration)
     with progress(quiet=arguments.flag("json")) as notify:
-        found = vpn_status(authority, server if isinstance(server, Connected) else None, notify)
+        found = vpn_status(declaration, authority, server if isinstance(server, Connected) else None, notify)
     membership, partner = authority.membership(), arguments.optional("partner")
     members = records.of_partner(membership, partner) if membership.members or partner is not None else ()
     now = datetime.now(UTC)

@@ -80,6 +80,10 @@ class Vpn(Model):
     """Members that are connected at once; the server refuses more."""
     new_clients_per_10_s: Annotated[StrictInt, Field(ge=1, le=10_000)] = 100
     """First packets that the server looks at in 10 s, of members and of strangers; over UDP."""
+    force_cookie: StrictBool = False
+    """Whether clients must answer a cookie; routers, and OpenVPN before 2.6, get the shared key then."""
+    shared_key_until: Day | None = None
+    """Last day (UTC) on which clients with the shared key may begin a session; null: no end. Over UDP alone."""
     robot_openvpn: OpenVpnVersion | None = None
     """OpenVPN of the robots of which `vehicles` says nothing; null: that of the Ubuntu of `dds.distribution`."""
     services: tuple[VpnService, ...] = ()

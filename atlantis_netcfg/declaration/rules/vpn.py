@@ -11,7 +11,7 @@ from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._schema import DEVICES
 from atlantis_netcfg.declaration._yaml import SealedSecret
 from atlantis_netcfg.declaration.findings import Finding, choices, meant
-from atlantis_netcfg.declaration.model import Device, LanBox, Router, VpnServer
+from atlantis_netcfg.declaration.model import Device, LanBox, Router, Transport, VpnServer
 from atlantis_netcfg.declaration.rules.networks import claims, example_in, why_unusable
 
 if TYPE_CHECKING:
@@ -66,6 +66,14 @@ def way_in(draft: Draft) -> Iterator[Finding]:
     if not unknown:
         message = f"no forward of `{host}` leads {vpn.transport} port {vpn.port} to the VPN server `{vpn.server}`"
         yield draft.wrong(Part("device", host), ("forwards",), message, f"write {desired}")
+
+
+def shared_key_end(draft: Draft) -> Iterator[Finding]:
+    """The server's kernel keeps the end of the shared key; it can tell its packets apart over UDP alone."""
+    if draft.pilot is None or draft.pilot.vpn.shared_key_until is None or draft.pilot.vpn.transport is Transport.UDP:
+        return
+    message = "the shared key can be given an end over UDP alone, and `transport` is tcp"
+    yield draft.wrong(Part("pilot"), ("vpn", "shared_key_until"), message, "leave it out, or write `transport: udp`")
 
 
 def forwards(draft: Draft) -> Iterator[Finding]:
@@ -145,6 +153,7 @@ RULES: tuple[Rule, ...] = (
     server,
     one_server,
     way_in,
+    shared_key_end,
     forwards,
     endpoint_outside,
     tunnel_addresses,

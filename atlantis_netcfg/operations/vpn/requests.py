@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
-from atlantis_netcfg.declaration.model import Gateway, Guest, OpenVpnVersion, RosDistribution, Router
+from atlantis_netcfg.declaration.model import Guest, OpenVpnVersion, RosDistribution, Router
 from atlantis_netcfg.vpn import names, systems
 from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
 from atlantis_netcfg.vpn.client import site_link
@@ -115,15 +115,10 @@ def request_of_host(declaration: Declaration, check: RequestCheck) -> EnrolmentR
         device=host.name,
         address=computers(declaration)[host.name],
         link=link or site_link(declaration, host.site),
-        wrap=wrap or _usual_wrap(host),
+        wrap=wrap or systems.wrap_of_host(declaration, host),
         key=key or (KeyType.RSA if router else KeyType.EC),
         days=days or CLIENT_DAYS,
     )
-
-
-def _usual_wrap(host: Host) -> Wrap:
-    """A gateway's Ubuntu 20.04 has OpenVPN 2.4, which knows the shared key alone (facts 10)."""
-    return Wrap.TLS_CRYPT if isinstance(host.device, Gateway) else Wrap.TLS_CRYPT_V2
 
 
 def _declared(declaration: Declaration, check: RequestCheck) -> Host | None:
@@ -244,7 +239,13 @@ def _wrap(
             f"`wrap={client.wrap}`: the device's OpenVPN is 2.4, which cannot read such a profile",
             "leave `wrap=` out; if it has a newer OpenVPN, say which: `openvpn=2.6`",
         )
-    return client.wrap or systems.wrap_for(version)
+    usual = systems.wrap_for(version, force_cookie=declaration.pilot.vpn.force_cookie)
+    if client.wrap is Wrap.TLS_CRYPT_V2 and usual is Wrap.TLS_CRYPT and version is not OpenVpnVersion.V2_4:
+        check.wrong(
+            f"`wrap={client.wrap}`: the server answers such clients from OpenVPN 2.6 on alone (`force_cookie`)",
+            "leave `wrap=` out; if the device has OpenVPN 2.6, type `openvpn=2.6`",
+        )
+    return client.wrap or usual
 
 
 def _partner(declaration: Declaration, check: RequestCheck) -> str | None:
@@ -426,6 +427,8 @@ def change_for(declaration: Declaration, member: Member, change: RenewalRequest,
         for word in [word for word, value in words.items() if value is not None]:
             check.wrong(f"`{word}=` does not go with `{member.name}`", "the inventory says it of a declared computer")
         check.close()
+        if change.wrap is None and declaration.pilot.vpn.force_cookie and member.name in declaration.hosts:
+            return replace(change, wrap=systems.wrap_of_host(declaration, declaration.hosts[member.name]))
         return change
     client = _client_words(check, member.kind)
     if change.distribution is None:

@@ -33,10 +33,13 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.operations.vpn.link import RecordOlder
 from atlantis_netcfg.operations.vpn.server_state import ServerState, drift, observe
+from atlantis_netcfg.vpn.identity import Wrap
+from atlantis_netcfg.vpn.systems import wrap_of
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.identity import MembershipList
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,9 +310,11 @@ class VpnStatus:
         }
 
 
-def vpn_status(authority: Authority, server: Connected | None, notify: Subscriber = ignore) -> VpnStatus:
+def vpn_status(
+    declaration: Declaration, authority: Authority, server: Connected | None, notify: Subscriber = ignore
+) -> VpnStatus:
     """Look at the record, and at the server unless there is None. Raises LedgerDamaged."""
-    result = list(_record(authority))
+    result = list(_record(declaration, authority))
     state = None
     if server is None:
         result.append(StatusItem(Verdict.SKIP, "the server was not asked (`--no-push`)"))
@@ -326,18 +331,42 @@ def vpn_status(authority: Authority, server: Connected | None, notify: Subscribe
     return VpnStatus((*result, *_queued(authority)), state)
 
 
-def _record(authority: Authority) -> Iterator[StatusItem]:
+def _record(declaration: Declaration, authority: Authority) -> Iterator[StatusItem]:
     """What the authority finds wrong with itself, each with what helps."""
     problems = authority.check()
     for problem in problems:
         yield StatusItem(Verdict.FAIL, problem)
     if not problems:
         membership = authority.membership()
+        yield from unsuitable_keys(declaration, membership)
         good = sum(1 for member in membership.members.values() if member.good)
         yield StatusItem(
             Verdict.PASS,
             f"the record agrees with its signature, certificates and list: {good} of {len(membership.members)} members "
             f"are admitted, list {membership.crl_number} is good until {membership.crl_next_update:%Y-%m-%d}",
+        )
+
+
+def unsuitable_keys(declaration: Declaration, membership: MembershipList) -> Iterator[StatusItem]:
+    """Members whose key is not for the server as declared: it ends with the shared key, or insists on a cookie."""
+    vpn, members = declaration.pilot.vpn, [member for member in membership.members.values() if member.good]
+    shared = [member.name for member in members if member.good[-1].wrap is Wrap.TLS_CRYPT]
+    if vpn.shared_key_until is not None and shared:
+        yield StatusItem(
+            Verdict.WARN,
+            f"{', '.join(shared)}: no new session after {vpn.shared_key_until}, the last day of the shared key",
+            f"with OpenVPN 2.5 or later on it: `provision vpn renew name={shared[0]} wrap=tls-crypt-v2`",
+        )
+    silent = [
+        member.name
+        for member in members
+        if member.good[-1].wrap is Wrap.TLS_CRYPT_V2 and wrap_of(declaration, member) is Wrap.TLS_CRYPT
+    ]
+    if vpn.force_cookie and silent:
+        yield StatusItem(
+            Verdict.WARN,
+            f"{', '.join(silent)}: the server answers their key only where OpenVPN is 2.6 or later (`force_cookie`)",
+            f"`provision vpn renew name={silent[0]}` makes one that any OpenVPN can use",
         )
 
 

@@ -11,7 +11,7 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -30,7 +30,7 @@ from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.authority.signer import Signer
-from atlantis_netcfg.vpn.identity import Identity, MemberKind
+from atlantis_netcfg.vpn.identity import Identity, MemberKind, Wrap
 from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
 
 __all__ = ["LOG", "NAME", "Client", "Computer", "Echo", "Record", "Server", "record", "server_of"]
@@ -83,13 +83,18 @@ class Record:
         self.identities[identity.certificate.common_name] = identity
         return HandoutFile("nowhere", "00" * 32)
 
-    def onboard(self, count: int = 1) -> list[str]:
+    def onboard(self, count: int = 1, *, wrap: Wrap = Wrap.TLS_CRYPT_V2) -> list[str]:
         """So many new members of a partner, by their names."""
         pool = declaration().partners[PARTNER].vpn_pool
         devices = [f"d{next(self._numbers)}" for _ in range(count)]
         wishes = [
             EnrolmentRequest(
-                name=f"{PARTNER}-{device}", kind=MemberKind.LAPTOP, partner=PARTNER, device=device, pool=pool
+                name=f"{PARTNER}-{device}",
+                kind=MemberKind.LAPTOP,
+                partner=PARTNER,
+                device=device,
+                pool=pool,
+                wrap=wrap,
             )
             for device in devices
         ]
@@ -218,14 +223,15 @@ class Client(Computer):
         lines = (
             "client", "proto udp4", f"remote {lan} 1194", "dev tun0", "dev-type tun", "nobind", "persist-key",
             "remote-cert-tls server", "tls-version-min 1.2", "data-ciphers AES-256-GCM", "verb 3",
-            "connect-retry 1 1", f"log-append {LOG}", "disable-dco", "explicit-exit-notify 1", *more,
+            "connect-retry 1 1", f"log-append {LOG}", "explicit-exit-notify 1",
+            "ignore-unknown-option disable-dco", "disable-dco", *more,
         )  # fmt: skip
         blocks = "".join(f"<{option}>\n{text}\n</{option}>\n" for option, text in inline.items())
         self.put("/etc/openvpn/client.conf", "\n".join(lines) + "\n" + blocks, 0o600)
 
-    def start(self, *, wait: bool = True) -> None:
+    def start(self, *, wait: bool = True, program: Sequence[str] = ("openvpn",)) -> None:
         self.at(LOG).write_text("")
-        self.process = subprocess.Popen([*self.enter, "openvpn", "--config", "/etc/openvpn/client.conf"])
+        self.process = subprocess.Popen([*self.enter, *program, "--config", "/etc/openvpn/client.conf"])
         if wait:
             self.said("Initialization Sequence Completed")
 

@@ -230,6 +230,26 @@ def a_certificate_that_ends_soon(at: Laptop) -> str:
     return at.type("vpn", "status", "--no-push", code=6)
 
 
+def with_vpn(at: Laptop, **values: object) -> None:
+    """From now on the pilot's VPN has other settings."""
+    pilot = real().pilot
+    vpn = pilot.vpn.model_copy(update=values)
+    changed = replace(real(), pilot=pilot.model_copy(update={"vpn": vpn}))
+    at.monkeypatch.setattr(_common, "declared", lambda _arguments: changed)
+
+
+def a_shared_key_that_ends(at: Laptop) -> str:
+    at.type(*LAPTOP, "wrap=tls-crypt")
+    with_vpn(at, shared_key_until="2027-03-31")
+    return at.type("vpn", "status", "--no-push")
+
+
+def a_key_without_a_cookie(at: Laptop) -> str:
+    at.type(*ROUTER)
+    with_vpn(at, force_cookie=True)
+    return at.type("vpn", "status", "--no-push")
+
+
 def another_wish(at: Laptop) -> str:
     at.type(*LAPTOP)
     return at.type(*LAPTOP, "link=satellite", code=3)
@@ -391,6 +411,18 @@ SITUATIONS: dict[str, Situation] = {
         "{} {} on {}: provision vpn renew name={}",
         0,
         "iqua-laptop.2",
+    ),
+    "a shared key that ends": (
+        a_shared_key_that_ends,
+        "with OpenVPN 2.5 or later on it: `provision vpn renew name={} wrap=tls-crypt-v2`",
+        0,
+        "iqua-laptop.2",
+    ),
+    "a key without a cookie": (
+        a_key_without_a_cookie,
+        "`provision vpn renew name={}` makes one that any OpenVPN can use",
+        0,
+        "coastal-router.2",
     ),
     "an identity for a gateway": (lambda at: at.type(*GATEWAY), "provision site={} only={}", 0, "as declared"),
     "an identity that has ended": (

@@ -58,6 +58,7 @@ def test_the_openvpn_of_a_declared_robot(case: str) -> None:
     declaration, version = CASES[case]
     assert systems.openvpn(declaration, MemberKind.ROBOT, "sparus") == version
     assert systems.wrap_for(version) is (Wrap.TLS_CRYPT if version is OLD else Wrap.TLS_CRYPT_V2)
+    assert systems.wrap_for(version, force_cookie=True) is (Wrap.TLS_CRYPT_V2 if version is NEW else Wrap.TLS_CRYPT)
 
 
 def test_every_release_has_its_ubuntu_and_every_kind_its_systems() -> None:
@@ -80,6 +81,24 @@ def test_what_is_issued_follows_from_the_declaration_and_the_words(desk: Desk) -
     assert wrap(desk, *onboarding("iqua", "laptop1")) == "tls-crypt-v2"
     assert wrap(desk, *onboarding("iqua", "laptop2", "laptop", "system=linux", "openvpn=2.4")) == "tls-crypt"
     assert wrap(desk, *onboarding("iqua", "router1", "router")) == "tls-crypt-v2"
+
+
+def test_a_server_that_insists_on_a_cookie_gives_others_the_shared_key(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert wrap(desk, *onboarding("iqua", "router1", "router")) == "tls-crypt-v2"
+    shipped = declared()
+    vpn = shipped.pilot.vpn.model_copy(update={"force_cookie": True})
+    changed = replace(shipped, pilot=shipped.pilot.model_copy(update={"vpn": vpn}))
+    monkeypatch.setattr(_common, "declared", lambda _arguments: changed)
+    assert wrap(desk, *onboarding("iqua", "laptop1")) == "tls-crypt"
+    assert wrap(desk, *onboarding("iqua", "laptop2", "laptop", "openvpn=2.5")) == "tls-crypt"
+    assert wrap(desk, *onboarding("iqua", "laptop3", "laptop", "openvpn=2.6")) == "tls-crypt-v2"
+    assert wrap(desk, "onboard", "host=coastal-router", "--no-push") == "tls-crypt"
+    assert wrap(desk, "renew", "name=iqua-router1", "--no-push") == "tls-crypt"
+    asked = (*onboarding("iqua", "laptop4", "laptop", "openvpn=2.5"), "wrap=tls-crypt-v2")
+    (error,) = desk.told(*asked, passphrase=PASSPHRASE, code=3)["errors"]
+    assert "answers such clients from OpenVPN 2.6 on alone" in error["message"]
 
 
 def test_a_word_that_the_vehicle_contradicts_is_refused(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
