@@ -51,6 +51,11 @@ _FIREWALL_UNIT = "atlantis-vpn-firewall.service"
 _SEEN_TIMER = "atlantis-vpn-seen.timer"
 _SEEN_SERVICE = "atlantis-vpn-seen.service"
 _GUARD = f"{_UNITS}/atlantis-vpn-guard.service"
+_UPGRADES = "/etc/apt/apt.conf.d/60-atlantis-upgrades"
+"""After Debian's and Ubuntu's own, which choose the security updates and nothing else."""
+_UPGRADED = f"{_UNITS}/apt-daily-upgrade.service.d/atlantis-vpn.conf"
+_UPGRADE_TIMERS = ("apt-daily.timer", "apt-daily-upgrade.timer")
+"""The first fetches the lists, the second installs."""
 _SEEN_PROGRAM = "/usr/local/lib/atlantis/vpn_seen.py"
 _SYSCTL = "/etc/sysctl.d/60-atlantis-vpn.conf"
 
@@ -87,6 +92,8 @@ def system_files() -> Iterator[File]:
     program = (template_folder() / "openvpn" / "vpn_seen.py").read_text(encoding="utf-8")
     yield File(_SEEN_PROGRAM, program, mode="0755")
     yield File(f"{_UNITS}/nftables.service.d/atlantis-vpn.conf", _render("nftables.conf.j2", firewall=FIREWALL))
+    yield File(_UPGRADES, _render("apt-upgrades.conf.j2"))
+    yield File(_UPGRADED, _render("upgraded.conf.j2", service=SERVICE))
     yield File(_GUARD, _render("guard.service.j2", firewall=FIREWALL, table=TABLE))
     yield File(f"{_UNITS}/{_SEEN_SERVICE}", _render("seen.service.j2", program=_SEEN_PROGRAM))
     yield File(f"{_UNITS}/{_SEEN_TIMER}", _render("seen.timer.j2"))
@@ -97,7 +104,7 @@ def system_units(keys: tuple[str, ...]) -> tuple[Unit, ...]:
     firewall = Unit(_FIREWALL_UNIT, enabled=True, active=True, after=(FIREWALL,), reload=True)
     tunnel = Unit(SERVICE, enabled=True, active=True, after=(CONF, _DROP_IN, *keys))
     seen = Unit(_SEEN_TIMER, enabled=True, active=True, after=(f"{_UNITS}/{_SEEN_TIMER}",))
-    return firewall, tunnel, seen
+    return firewall, tunnel, seen, *(Unit(name, enabled=True, active=True) for name in _UPGRADE_TIMERS)
 
 
 def _render(template: str, **values: object) -> str:
@@ -120,10 +127,11 @@ dpkg --compare-versions "$installed" ge "$archived"
 IS_CURRENT = Check(
     ("sh", "-c", _CURRENT),
     "the installed OpenVPN is older than the one in the archive of its system",
-    "on the server: `apt-get update && apt-get install --only-upgrade openvpn`; members connect again by themselves",
+    "on the server: `apt-get update && apt-get install --only-upgrade openvpn`, then `systemctl restart "
+    f"{SERVICE}`; members connect again by themselves",
 )
 """As far as the package lists of the server tell."""
-PACKAGES = ("conntrack", "nftables", "openssl", "openvpn", "python3")
+PACKAGES = ("conntrack", "nftables", "openssl", "openvpn", "python3", "unattended-upgrades")
 _CIPHERS = ("AES-256-GCM", "CHACHA20-POLY1305", "AES-128-GCM")
 _COMMON_NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,46}[a-z0-9])?(?:\.[1-9][0-9]{0,5})?")
 _CERT = f"{FOLDER}/server.crt"

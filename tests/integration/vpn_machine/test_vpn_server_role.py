@@ -70,6 +70,22 @@ def test_it_is_hardened_and_starts_again_by_itself(server: Stand) -> None:
     wait_until(lambda: server.pid() not in {before, "0"}, lambda: "it is not started again")
 
 
+def test_security_updates_are_installed_by_themselves_and_a_new_openvpn_is_started(server: Stand) -> None:
+    """Debian's package leaves the running program as it is; there is no archive here, so the update is made by hand."""
+    timers = "apt-daily.timer apt-daily-upgrade.timer"
+    assert server.machine.run(f"systemctl is-active {timers}").stdout.split() == ["active", "active"]
+    origins = server.machine.run("unattended-upgrade --dry-run --verbose").stdout
+    assert "label=Debian-Security" in origins, origins
+    assert 'APT::Periodic::Unattended-Upgrade "1"' in server.machine.run("apt-config dump").stdout
+    before = server.pid()
+    server.machine.run("systemctl start apt-daily-upgrade.service")
+    assert server.pid() == before
+    server.machine.run("cp -a /usr/sbin/openvpn /usr/sbin/.new && mv /usr/sbin/.new /usr/sbin/openvpn")
+    server.machine.run("systemctl start apt-daily-upgrade.service")
+    assert server.pid() not in {before, "0"}
+    assert settled(server) == []
+
+
 def test_members_connect_as_the_record_says(server: Stand) -> None:
     fast, slow = (server.client(name).connect() for name in ("inesc-one", "iqua-slow"))
     members = server.authority.membership().members

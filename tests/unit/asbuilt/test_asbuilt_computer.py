@@ -65,7 +65,7 @@ def test_every_program_that_is_asked_is_on_the_closed_list(tmp_path: Path) -> No
 
 def test_packages_of_the_server_are_those_that_its_role_installs(tmp_path: Path) -> None:
     found = computer.declared_packages(SHIPPED, SHIPPED.hosts["scc-vpn"], Request(state=tmp_path / "none"))
-    assert found == (("conntrack", "nftables", "openssl", "openvpn", "python3"), ())
+    assert found == (("conntrack", "nftables", "openssl", "openvpn", "python3", "unattended-upgrades"), ())
 
 
 @pytest.mark.parametrize(
