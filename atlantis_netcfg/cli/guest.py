@@ -282,6 +282,7 @@ def run_guest_end(arguments: Arguments) -> ExitCode:
 
 def _end(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common
+    from atlantis_netcfg.core.atomic_files import remove_orphans
     from atlantis_netcfg.operations import guests
     from atlantis_netcfg.operations.vpn.members import reason_of
     from atlantis_netcfg.operations.vpn.server import Deployed
@@ -290,6 +291,8 @@ def _end(arguments: Arguments) -> ExitCode:
     reason = reason_of(arguments.optional("reason") or "its stay has ended")
     guest, authority = guests.declared_guest(before, name), _common.opened(arguments)
     known = guests.members_of(authority, name)
+    if not arguments.flag("plan"):
+        remove_orphans(before.root / guests.FILE)
     if guest is None and not known:
         raise guests.unknown(before, name)
     text = guests.without_guest(guests.text_of(before.root) or "", name) if guest is not None else None

@@ -43,7 +43,7 @@ def write_atomically(  # noqa: PLR0913 - what a file has besides its content
     `mode`: None for a file of a person, as the umask has it. `modified`: its time, in seconds. Without `durable` a
     power cut may take it back. Without `replace`: raises FileExistsError if anything has the name.
     """
-    _remove_orphans(path)
+    remove_orphans(path)
     draft, descriptor = _new_draft(path, 0o666 if mode is None else mode)
     try:
         if mode is not None:
@@ -93,7 +93,7 @@ def _new_draft(path: Path, mode: int) -> tuple[Path, int]:
         os.close(descriptor)
 
 
-def _remove_orphans(path: Path) -> None:
+def remove_orphans(path: Path) -> None:
     """Remove drafts of a file that killed processes of this user have left: one may hold a key."""
     orphan = re.compile(rf"\.{re.escape(path.name)}\.[0-9]{{{_DIGITS}}}")
     with suppress(OSError), os.scandir(path.parent) as entries:
