@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.journal import Store
-    from atlantis_netcfg.qualify.figures import TrainLoss
+    from atlantis_netcfg.qualify.figures import FrameLoss
     from atlantis_netcfg.qualify.kept import KeptRun
     from atlantis_netcfg.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.qualify.record import QualifyRecord
@@ -95,17 +95,16 @@ def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime, within_days
     return Capacity(
         LinkPace(rtt_s, measured_up or pace.up_bps),
         measured_down or down,
-        None if idle is None else _loss_up(idle.loss),
+        None if idle is None else _loss_up(idle.flr),
         _SOURCES[measured_up is not None, measured_down is not None],
         kept.run.id,
         "; ".join(_doubts(kept.run, now - timedelta(days=within_days), measured_up, measured_down)),
     )
 
 
-def _loss_up(loss: TrainLoss) -> float:
-    """Where it is not known each way, that of both ways: no message loses more."""
-    known = loss.sent - loss.in_flight
-    return loss.share if loss.up is None or not known else loss.up / known
+def _loss_up(loss: FrameLoss) -> float:
+    """Outside of gaps. Where it is not known each way, that of both ways: no message loses more."""
+    return loss.both if loss.up is None else loss.up
 
 
 def _doubts(run: MeasuredRun, oldest: datetime, up: float | None, down: float | None) -> Iterator[str]:

@@ -196,6 +196,12 @@ def test_a_grid_beyond_the_link_fails() -> None:
     assert row.verdict is Verdict.FAIL
 
 
+def test_a_gap_of_the_link_is_no_limit_of_a_size_at_a_rate() -> None:
+    _, samples = run_train(network(replace(UP, gaps_s=((5.0, 10.0),)), DOWN), grids.telemetry_plan(32, 4, 20))
+    row = grids.telemetry_row(32, 4, train_figures(samples, "train"), 0.6)
+    assert (row.sent - row.received, row.verdict, row.reason) == (20, Verdict.INCONCLUSIVE, "a gap of the link")
+
+
 def test_one_that_is_lost_of_a_few_is_neither_a_failure_nor_proof() -> None:
     early = network(replace(UP, gaps_s=((0.0, 0.1),)), DOWN)
     _, samples = run_train(early, grids.telemetry_plan(32, 1, 20))
