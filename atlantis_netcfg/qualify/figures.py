@@ -103,6 +103,11 @@ class FrameLoss:
     in_gaps: int
     """Packets lost in gaps: they count for the availability."""
 
+    @property
+    def share_up(self) -> float:
+        """That of both ways where it is not known each way: no message loses more."""
+        return self.both if self.up is None else self.up
+
 
 @dataclass(frozen=True, slots=True)
 class ArrivalGaps:

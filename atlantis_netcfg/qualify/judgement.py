@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.qualify.figures import TrainFigures
+    from atlantis_netcfg.qualify.transfers import MessageFigures
 
 SILENCE_S: Final = 90.0
 """Silence that is longer than a satellite's longest gap proves that a link does not carry."""
@@ -75,8 +76,13 @@ def profile(name: str) -> QualifyProfile:
     return profiles()[name]
 
 
-def judge(idle: TrainFigures, limits: QualifyProfile, under_load: TrainFigures | None = None) -> Sequence[Judgement]:
-    """Judge a train without load, and the round trips of one beside a load."""
+def judge(
+    idle: TrainFigures,
+    limits: QualifyProfile,
+    under_load: TrainFigures | None = None,
+    load: MessageFigures | None = None,
+) -> Sequence[Judgement]:
+    """Judge a train without load, and the round trips of one beside a load that filled the link."""
     loss = idle.loss
     known = loss.sent - loss.in_flight
     span_s = known * idle.interval_s
@@ -95,7 +101,8 @@ def judge(idle: TrainFigures, limits: QualifyProfile, under_load: TrainFigures |
     # Packets that are a second apart cannot show a gap of one second.
     seen = span_s and idle.interval_s <= _SHORT_S
     judged.append(_at_least("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if seen else None, limits.avail, few))
-    judged.append(_buffer_delay(idle, under_load, limits))
+    doubt = "what was offered is not known" if load is None else load.doubt(idle.flr.share_up)
+    judged.append(_buffer_delay(idle, under_load, limits, doubt))
     return judged
 
 
@@ -136,11 +143,11 @@ def _silence(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judge
     )
 
 
-def _buffer_delay(idle: TrainFigures, under_load: TrainFigures | None, limits: QualifyProfile) -> Judgement:
+def _buffer_delay(idle: TrainFigures, under_load: TrainFigures | None, limits: QualifyProfile, doubt: str) -> Judgement:
     name = "buffer delay (RFC 6349)"
     if under_load is None or under_load.rtt is None or idle.rtt is None or idle.rtt.p50 <= 0:
         return _at_most(name, None, limits.buffer_delay, "", "")
-    return _at_most(name, (under_load.rtt.p50 - idle.rtt.p50) / idle.rtt.p50, limits.buffer_delay, "", "")
+    return _at_most(name, (under_load.rtt.p50 - idle.rtt.p50) / idle.rtt.p50, limits.buffer_delay, "", doubt)
 
 
 def _at_most(name: str, value: float | None, limit: float, unit: str, doubt: str) -> Judgement:
