@@ -41,6 +41,7 @@ IN = (
     "qualify/samples.py",
     "qualify/search.py",
     "qualify/figures.py",
+    "qualify/transfers.py",
     "cli",
     "report",
     "checklist",

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.journal import Store
-    from atlantis_netcfg.qualify.figures import TrainLoss
     from atlantis_netcfg.qualify.kept import KeptRun
     from atlantis_netcfg.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.qualify.record import QualifyRecord
@@ -74,7 +73,7 @@ def newest_run(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
 def _carried(record: QualifyRecord, way: str) -> float | None:
     """What a link has carried, in bit/s with all headers: the receiver's goodput, and what went around each chunk."""
     row = next((row for row in record.load if row.way == way), None)
-    if row is None or row.goodput_bps is None or row.bounded:
+    if row is None or row.goodput_bps is None or row.verdict is not Verdict.PASS:
         return None
     headers = IPV4_HEADERS + (VPN_HEADERS if record.run.far_end.over_vpn else 0)
     return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), headers) / row.size
@@ -95,17 +94,11 @@ def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime, within_days
     return Capacity(
         LinkPace(rtt_s, measured_up or pace.up_bps),
         measured_down or down,
-        None if idle is None else _loss_up(idle.loss),
+        None if idle is None else idle.flr.share_up,
         _SOURCES[measured_up is not None, measured_down is not None],
         kept.run.id,
         "; ".join(_doubts(kept.run, now - timedelta(days=within_days), measured_up, measured_down)),
     )
-
-
-def _loss_up(loss: TrainLoss) -> float:
-    """Where it is not known each way, that of both ways: no message loses more."""
-    known = loss.sent - loss.in_flight
-    return loss.share if loss.up is None or not known else loss.up / known
 
 
 def _doubts(run: MeasuredRun, oldest: datetime, up: float | None, down: float | None) -> Iterator[str]:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.core.events import Verdict
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
@@ -58,7 +60,7 @@ def loss_shares(figures: TrainFigures) -> tuple[float | None, float | None, floa
 
 
 def _goodput(record: QualifyRecord, way: str) -> float | None:
-    return next((row.goodput_bps for row in record.load if row.way == way), None)
+    return next((row.goodput_bps for row in record.load if row.way == way and row.verdict is Verdict.PASS), None)
 
 
 HEADLINES: Final = (

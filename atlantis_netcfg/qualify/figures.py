@@ -13,12 +13,20 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.qualify.answers import (
+    LEAST_GAP_PACKETS,
+    answered_packets,
+    find_silences,
+    is_gap,
+    packets_of_known_fate,
+)
 from atlantis_netcfg.qualify.reflector.stamp import is_synchronised
 from atlantis_netcfg.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from atlantis_netcfg.qualify.answers import AnsweredPacket, Silence
     from atlantis_netcfg.qualify.samples import Sample
 
 GAPS_S: Final = (1, 5, 20, 60)
@@ -84,6 +92,24 @@ class TrainLoss:
 
 
 @dataclass(frozen=True, slots=True)
+class FrameLoss:
+    """Shares of packets lost outside of gaps (ITU-T Y.1563); None: not known for each way."""
+
+    up: float | None
+    down: float | None
+    both: float
+    packets: int
+    """Of known fate, outside of gaps."""
+    in_gaps: int
+    """Packets lost in gaps: they count for the availability."""
+
+    @property
+    def share_up(self) -> float:
+        """That of both ways where it is not known each way: no message loses more."""
+        return self.both if self.up is None else self.up
+
+
+@dataclass(frozen=True, slots=True)
 class ArrivalGaps:
     """Times in which nothing arrived, the beginning and the end of the train among them."""
 
@@ -94,6 +120,8 @@ class ArrivalGaps:
     """Sum of the seconds of those that were longer than one."""
     open_end: bool
     """The longest one had not ended when the train did: it may be longer."""
+    at_most_s: float | None
+    """What no gap exceeded; None: one at the beginning or the end of the train may be of any length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +132,7 @@ class TrainFigures:
     interval_s: float
     reason: str
     loss: TrainLoss
+    flr: FrameLoss
     rtt: Percentiles | None
     up: DelayVariation | None
     down: DelayVariation | None
@@ -113,24 +142,6 @@ class TrainFigures:
     gaps: ArrivalGaps
     rpm: float | None
     """60 s divided by the mean of the round trips up to the 95th percentile. Under load: round trips per minute."""
-
-
-@dataclass(frozen=True, slots=True)
-class AnsweredPacket:
-    """A packet and its first answer."""
-
-    sequence: int
-    sent: int
-    arrived: int
-    reflector_sequence: int
-    received: int
-    replied: int
-    error: int
-
-    @property
-    def rtt(self) -> int:
-        """In nanoseconds, less the time at the reflector."""
-        return self.arrived - self.sent - (self.replied - self.received)
 
 
 class NoTrain(LookupError):
@@ -178,17 +189,20 @@ def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
     both_synchronised = begin.synchronised and bool(pairs) and all(is_synchronised(pair.error) for pair in pairs)
     up = [(pair.received, pair.received - begin.begin_ns - (pair.sent - begin.begin_at_ns)) for pair in pairs]
     down = [(pair.arrived, pair.arrived - begin.begin_at_ns - (pair.replied - begin.begin_ns)) for pair in pairs]
+    loss = _loss(begin, sent, replies, pairs, counted, ended_at)
+    silences = find_silences(packets_of_known_fate(mine, begin), pairs, counted)
     return TrainFigures(
         size=begin.size,
         interval_s=begin.interval_s,
         reason="cut off" if end is None else end.reason,
-        loss=_loss(begin, sent, replies, pairs, counted, ended_at),
+        loss=loss,
+        flr=_frame_loss(loss, [silence for silence in silences if is_gap(silence, begin)]),
         rtt=percentiles(rtts),
         up=_variation(pairs, up, absolute=both_synchronised),
         down=_variation(pairs, down, absolute=both_synchronised),
         reordered_up=_reordered([pair.sequence for pair in sorted(pairs, key=lambda pair: pair.reflector_sequence)]),
         reordered_down=_reordered([pair.reflector_sequence for pair in sorted(pairs, key=lambda pair: pair.arrived)]),
-        gaps=_gaps(sent, pairs, ended_at),
+        gaps=_gaps(sent, pairs, ended_at, counted),
         rpm=round_trips_per_minute(rtts),
     )
 
@@ -200,26 +214,6 @@ def round_trips(samples: Iterable[Sample], stream: str) -> list[tuple[float, flo
     pairs = answered_packets(sent, [sample for sample in mine if isinstance(sample, ReplyReceived)])
     rtts = {pair.sequence: pair.rtt / _SECOND for pair in pairs}
     return [((packet.sent_at_ns - sent[0].sent_at_ns) / _SECOND, rtts.get(packet.sequence)) for packet in sent]
-
-
-def answered_packets(sent: Sequence[PacketSent], replies: Sequence[ReplyReceived]) -> list[AnsweredPacket]:
-    """Put packets and their first answers together, in the order of sending."""
-    first: dict[int, ReplyReceived] = {}
-    for reply in replies:
-        first.setdefault(reply.sequence, reply)
-    return [
-        AnsweredPacket(
-            packet.sequence,
-            packet.sent_at_ns,
-            answer.arrived_at_ns,
-            answer.reflector_sequence,
-            answer.received_ns,
-            answer.replied_ns,
-            answer.reflector_error,
-        )
-        for packet in sent
-        if (answer := first.get(packet.sequence)) is not None
-    ]
 
 
 def _loss(  # noqa: PLR0913, PLR0917 - all that is known of a train
@@ -282,6 +276,20 @@ def _by_numbers(lost: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None,
     return up, down, "by the reflector's sequence numbers"
 
 
+def _frame_loss(loss: TrainLoss, gaps: Sequence[Silence]) -> FrameLoss:
+    known, in_gaps = loss.sent - loss.in_flight, sum(gap.packets for gap in gaps)
+    outside = known - in_gaps
+    both = (loss.lost - in_gaps) / outside if outside else 0.0
+    down_in_gaps = [gap.down for gap in gaps if gap.down is not None]
+    if loss.up is None or loss.down is None or len(down_in_gaps) < len(gaps) or not outside:
+        return FrameLoss(None, None, both, outside, in_gaps)
+    # A packet that was overtaken may make a gap's share of one way too large by one.
+    lost_down = max(0, loss.down - sum(down_in_gaps))
+    lost_up = max(0, loss.lost - in_gaps - lost_down)
+    reached = outside - lost_up
+    return FrameLoss(lost_up / outside, lost_down / reached if reached else None, both, outside, in_gaps)
+
+
 def _variation(
     pairs: Sequence[AnsweredPacket], delays: Sequence[tuple[int, int]], *, absolute: bool
 ) -> DelayVariation | None:
@@ -330,10 +338,12 @@ def _reordered(sequences: Sequence[int]) -> float | None:
     return reordered / len(sequences)
 
 
-def _gaps(sent: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], ended_at: int) -> ArrivalGaps:
+def _gaps(
+    sent: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], ended_at: int, counted: ReflectorCounted | None
+) -> ArrivalGaps:
     """Between arrivals; the first packet and the last are taken to arrive after the least round trip."""
     if not sent:
-        return ArrivalGaps(0.0, tuple((limit, 0) for limit in GAPS_S), 0.0, open_end=False)
+        return ArrivalGaps(0.0, tuple((limit, 0) for limit in GAPS_S), 0.0, open_end=False, at_most_s=None)
     least = min((pair.rtt for pair in pairs), default=0)
     arrivals = sorted(pair.arrived for pair in pairs)
     first = sent[0].sent_at_ns + least
@@ -345,9 +355,17 @@ def _gaps(sent: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], ended_at:
     ]
     gaps = [(later - earlier) / _SECOND for earlier, later in pairwise(times)]
     longest = max(gaps)
+    ends = (pairs[0].sequence - sent[0].sequence, sent[-1].sequence - pairs[-1].sequence) if pairs else None
+    at_most: float | None = None
+    if ends is not None and ends[0] < LEAST_GAP_PACKETS:
+        if ends[1] < LEAST_GAP_PACKETS:
+            at_most = longest
+        elif counted is not None:  # its answer was the first sign of life, and ended the stream
+            at_most = max(longest, (ended_at - arrivals[-1]) / _SECOND)
     return ArrivalGaps(
         longest,
         tuple((limit, sum(1 for gap in gaps if gap > limit)) for limit in GAPS_S),
         sum(gap for gap in gaps if gap > 1),
         open_end=gaps[-1] >= longest > 0,
+        at_most_s=at_most,
     )

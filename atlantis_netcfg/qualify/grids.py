@@ -30,6 +30,8 @@ RTPS_OCTETS: Final = 72
 """What RTPS adds to a small sample: 60 to 80 octets were counted."""
 FEW: Final = "few messages"
 """One is lost, and of so few that it is more than may be: neither a failure nor proof."""
+GAP: Final = "a gap of the link"
+"""It has cost packets, whatever the size and the rate."""
 LEAST_PACKETS: Final = 10
 """Fewer of a train sustain no rate."""
 TELEMETRY_SIZES: Final = (32, 128, 512)
@@ -119,8 +121,8 @@ def message_bytes(plan: MessagePlan, headers: int) -> int:
 
 
 def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s: float) -> RateRow:
-    """Judge a train of the grid: at most 1 % lost each way, and a round trip in the band of docs/qualify.md."""
-    loss, rtt = figures.loss, figures.rtt
+    """Judge a train of the grid: at most 1 % lost each way outside of gaps, and a round trip in its band."""
+    loss, flr, rtt = figures.loss, figures.flr, figures.rtt
     known = loss.sent - loss.in_flight
     up = None if loss.up is None or not known else loss.up / known
     reached = known - (loss.up or 0)
@@ -130,10 +132,14 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
         verdict, reason = Verdict.INCONCLUSIVE, "nothing was answered"
     elif loss.limited:
         verdict, reason = Verdict.INCONCLUSIVE, "the reflector refused packets for its rate"
-    elif (lossy := max(loss.share if up is None else up, down or 0.0) > MAX_LOSS) and loss.lost >= MIN_LOST:
+    elif (lossy := max(flr.both if flr.up is None else flr.up, flr.down or 0.0) > MAX_LOSS) and (
+        loss.lost - flr.in_gaps >= MIN_LOST
+    ):
         verdict, reason = Verdict.FAIL, "loss"
     elif rtt.p95 > idle_p50_s + max(MIN_BAND_S, BAND * idle_p50_s):
         verdict, reason = Verdict.FAIL, "latency"
+    elif flr.in_gaps:
+        verdict, reason = Verdict.INCONCLUSIVE, GAP
     elif lossy or known < LEAST_PACKETS:
         verdict, reason = Verdict.INCONCLUSIVE, FEW
     return RateRow(

@@ -1,8 +1,8 @@
 """Verdicts on figures against a named profile of thresholds, in the words of ITU-T Y.1564 and RFC 6349.
 
 A figure that is missing, or made of too few packets or answers, is INCONCLUSIVE; so are gaps that a train was too short
-for, and a loss of which the reflector made a part by refusing what exceeded its rate. A train that nobody answered
-fails only where it was long enough to outlive a satellite's gap.
+for, or that one of its ends cut off, and a loss of which the reflector made a part by refusing what exceeded its rate.
+A train that nobody answered fails only where it was long enough to outlive a satellite's gap.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.qualify.figures import TrainFigures
+    from atlantis_netcfg.qualify.transfers import MessageFigures
 
 SILENCE_S: Final = 90.0
 """Silence that is longer than a satellite's longest gap proves that a link does not carry."""
@@ -75,15 +76,19 @@ def profile(name: str) -> QualifyProfile:
     return profiles()[name]
 
 
-def judge(idle: TrainFigures, limits: QualifyProfile, under_load: TrainFigures | None = None) -> Sequence[Judgement]:
-    """Judge a train without load, and the round trips of one beside a load."""
+def judge(
+    idle: TrainFigures,
+    limits: QualifyProfile,
+    under_load: TrainFigures | None = None,
+    load: MessageFigures | None = None,
+) -> Sequence[Judgement]:
+    """Judge a train without load, and the round trips of one beside a load that filled the link."""
     loss = idle.loss
     known = loss.sent - loss.in_flight
     span_s = known * idle.interval_s
     if idle.rtt is None:
         return [_silence(idle, limits, span_s)]
     few = f"only {known} packets, {limits.min_samples} are needed" if known < limits.min_samples else ""
-    refused = f"the reflector refused {loss.limited} packets for its rate" if loss.limited else ""
     seldom = few
     if not few and 2 * idle.rtt.n < limits.min_samples:
         seldom = f"only {idle.rtt.n} answers, {-(-limits.min_samples // 2)} are needed"
@@ -91,22 +96,40 @@ def judge(idle: TrainFigures, limits: QualifyProfile, under_load: TrainFigures |
     for way, variation in (("up", idle.up), ("down", idle.down)):
         value = None if variation is None else variation.above_min.p95
         judged.append(_at_most(f"FDV {way}, 95 %", value, limits.fdv_s, "s", seldom))
-    if loss.up is None or loss.down is None:
-        judged.append(_at_most(f"FLR, both ways ({loss.why})", loss.share, limits.flr, "", few or refused))
-    else:
-        reached = known - loss.up
-        up, down = loss.up / known, loss.down / reached if reached else None
-        judged.append(_at_most("FLR up", up, limits.flr, "", few or refused))
-        judged.append(_at_most("FLR down", down, limits.flr, "", few))
-    longest = idle.gaps.longest_s
-    unseen = longest <= limits.gap_s and span_s <= limits.gap_s
-    short = f"a gap of {limits.gap_s:g} s cannot be seen in {span_s:.3g} s" if unseen else ""
-    judged.append(_at_most("longest gap", longest, limits.gap_s, "s", short))
+    judged += _frame_loss(idle, limits, few)
+    judged.append(_longest_gap(idle, limits, span_s))
     # Packets that are a second apart cannot show a gap of one second.
     seen = span_s and idle.interval_s <= _SHORT_S
     judged.append(_at_least("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if seen else None, limits.avail, few))
-    judged.append(_buffer_delay(idle, under_load, limits))
+    doubt = "what was offered is not known" if load is None else load.doubt(idle.flr.share_up)
+    judged.append(_buffer_delay(idle, under_load, limits, doubt))
     return judged
+
+
+def _frame_loss(idle: TrainFigures, limits: QualifyProfile, few: str) -> Iterator[Judgement]:
+    """Outside of gaps; those are judged by their length, and by the availability."""
+    flr, loss, least = idle.flr, idle.loss, -(-limits.min_samples // 2)
+    refused = f"the reflector refused {loss.limited} packets for its rate" if loss.limited else ""
+    rest = f"only {flr.packets} packets outside of gaps, {least} are needed" if flr.packets < least else ""
+
+    def judged(name: str, share: float | None, doubt: str) -> Judgement:
+        return _at_most(name, share, limits.flr, "", doubt or (rest if share is None or share <= limits.flr else ""))
+
+    if flr.up is None:
+        yield judged(f"FLR, both ways ({loss.why})", flr.both, few or refused)
+    else:
+        yield judged("FLR up", flr.up, few or refused)
+        yield judged("FLR down", flr.down, few)
+
+
+def _longest_gap(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judgement:
+    longest, at_most, doubt = idle.gaps.longest_s, idle.gaps.at_most_s, ""
+    if longest <= limits.gap_s:
+        if span_s <= limits.gap_s:
+            doubt = f"a gap of {limits.gap_s:g} s cannot be seen in {span_s:.3g} s"
+        elif at_most is None or at_most > limits.gap_s:
+            doubt = "a gap at the beginning or the end of the train may have been longer"
+    return _at_most("longest gap", longest, limits.gap_s, "s", doubt)
 
 
 def _silence(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judgement:
@@ -120,11 +143,11 @@ def _silence(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judge
     )
 
 
-def _buffer_delay(idle: TrainFigures, under_load: TrainFigures | None, limits: QualifyProfile) -> Judgement:
+def _buffer_delay(idle: TrainFigures, under_load: TrainFigures | None, limits: QualifyProfile, doubt: str) -> Judgement:
     name = "buffer delay (RFC 6349)"
     if under_load is None or under_load.rtt is None or idle.rtt is None or idle.rtt.p50 <= 0:
         return _at_most(name, None, limits.buffer_delay, "", "")
-    return _at_most(name, (under_load.rtt.p50 - idle.rtt.p50) / idle.rtt.p50, limits.buffer_delay, "", "")
+    return _at_most(name, (under_load.rtt.p50 - idle.rtt.p50) / idle.rtt.p50, limits.buffer_delay, "", doubt)
 
 
 def _at_most(name: str, value: float | None, limit: float, unit: str, doubt: str) -> Judgement:

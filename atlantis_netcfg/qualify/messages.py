@@ -69,6 +69,12 @@ class MessagePlan:
         """How many, if nothing limits it."""
         return max(1, round(self.duration_s * self.rate_hz))
 
+    def due_ns(self, headers: int, *, authenticated: bool) -> int:
+        """How long after a message the next one begins: not before its packets have left at their pace."""
+        room = chunk_room(self.packet, authenticated=authenticated)
+        wire = self.size + -(-self.size // room) * (self.packet - room + headers)
+        return round(SECOND * max(1 / self.rate_hz, 0.0 if self.pace_bps is None else wire * 8 / self.pace_bps))
+
 
 @dataclass(slots=True)
 class _OpenMessage:
@@ -264,6 +270,7 @@ class MessageStream:
                 unix_ns(word.last, message.error) if word is not None and arrived else None,
                 in_flight=in_flight,
                 chunk_size=self.chunk_size,
+                due_ns=self.plan.due_ns(self.transport.headers, authenticated=self.peer.key is not None),
             )
         )
 

@@ -26,6 +26,7 @@ from atlantis_netcfg.qualify.reflector.stamp import (
     Tlv,
     chunk_room,
     extended_size,
+    unix_ns,
 )
 from atlantis_netcfg.qualify.samples import MessageDirection, MessageEnded, StreamEnded
 from atlantis_netcfg.qualify.session import SECOND, Outgoing, ReflectorPeer
@@ -68,6 +69,7 @@ class _AwaitedMessage:
     size: int = 0
     first_at: int = 0
     last_at: int = 0
+    far_sent_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +125,10 @@ class DownMessageStream:
         """The plan counts headers, the reflector does not."""
         pace, packet = self.plan.pace_bps, self.plan.packet
         return 0 if pace is None else max(1, round(pace * packet / (packet + self.transport.headers) / 1000))
+
+    @property
+    def _due_ns(self) -> int:
+        return self.plan.due_ns(self.transport.headers, authenticated=True)
 
     def _chunk_size(self, index: int) -> int:
         """The UDP payload that brings this chunk."""
@@ -229,7 +235,7 @@ class DownMessageStream:
                 is_asked = request.first <= chunk.index < request.first + request.count
                 if is_asked and self._is_first(packet.sender_sequence, chunk.index):
                     charged = self._chunk_size(chunk.index)
-                    self._take(request.message, chunk, arrival.at_ns)
+                    self._take(request.message, chunk, arrival.at_ns, unix_ns(packet.timestamp, packet.error))
             elif tlv.type == REQUEST and not tlv.flags and self._is_first(packet.sender_sequence, -1):
                 charged = _STATUS_SIZE
                 self._accept_status(request, RequestStatus.decode(tlv.value))
@@ -258,11 +264,12 @@ class DownMessageStream:
         if not message.size and is_patient and (was_lost or not status.sent):
             self._put(_ChunkRequest(message, 0, self._chunks))
 
-    def _take(self, message: _AwaitedMessage, chunk: MessageChunk, at_ns: int) -> None:
+    def _take(self, message: _AwaitedMessage, chunk: MessageChunk, at_ns: int, far_sent_ns: int) -> None:
         if message.number not in self._open or chunk.index in message.have:
             return
         if not message.size:
             message.first_at = at_ns
+            message.far_sent_ns = far_sent_ns - chunk.index * self._due_ns // self._chunks
         message.have.add(chunk.index)
         message.size += len(chunk.data)
         message.last_at = at_ns
@@ -297,6 +304,8 @@ class DownMessageStream:
                 direction=MessageDirection.DOWN,
                 chunk_size=self._room,
                 far_rate_bps=self.far_rate_bps,
+                due_ns=self._due_ns,
+                far_sent_ns=message.far_sent_ns if message.size else None,
             )
         )
 

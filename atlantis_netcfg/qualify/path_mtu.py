@@ -1,14 +1,15 @@
 """The longest packet that passes whole, header of IP included: found with packets that nobody may fragment.
 
 A size counts as too long only when it did not pass and a short packet passed right after it: in a gap nothing passes,
-and that says nothing of sizes. Packets that are answered by short ones measure the way there; packets whose answer is
-as long measure both ways, so the way back is the lesser of the two, or at least as wide as the way there.
+and that says nothing of sizes. Waits follow the longest round trip up to now, and a late answer still counts. Packets
+that are answered by short ones measure the way there; packets whose answer is as long measure both ways, so the way
+back is the lesser of the two, or at least as wide as the way there.
 """
 
 from __future__ import annotations
 
 import secrets
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.qualify.reflector.stamp import (
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 _SECOND: Final = 1_000_000_000
 _TRIES: Final = 3
 """A packet of a size may be lost: so often it is sent before the size is suspected."""
+_SPARE_S: Final = 0.2
+"""How much longer than two round trips an answer is awaited before the next try."""
 LEAST: Final = 576
 """What every IPv4 host takes (RFC 791)."""
 ETHERNET: Final = 1500
@@ -73,23 +76,32 @@ class _MtuProbe:
     headers: int
     session_id: int
     sequence: int = 0
+    _rtt_s: float = 0.0
+    """The longest up to now; 0: nothing was answered."""
+    _awaited: dict[int, tuple[int, bool, int, int]] = field(default_factory=dict)
+    """By sequence: size, whether the way there alone is measured, what was charged for the answer, when it was sent."""
 
     def passes(self, size: int, *, up_only: bool) -> bool:
         """Whether packets of this size pass; what is heard of it in a gap is not believed."""
         end = self.transport.now_ns() + round(self.patience_s * _SECOND)
-        while True:
-            if any(self._answered(size, up_only=up_only) for _ in range(_TRIES)):
-                return True
-            if self._answered(self._short(), up_only=up_only):
-                return any(self._answered(size, up_only=up_only) for _ in range(_TRIES))
+        if not self._rtt_s:
+            self._answered(self._short(), self.timeout_s, up_only=up_only)
+        if self._any_answered(size, up_only=up_only):
+            return True
+        while not self._answered(self._short(), self.timeout_s, up_only=up_only):
             if self.transport.now_ns() >= end:
                 raise _NoAnswer
+        return self._any_answered(size, up_only=up_only)
+
+    def _any_answered(self, size: int, *, up_only: bool) -> bool:
+        wait_s = min(self.timeout_s, 2 * self._rtt_s + _SPARE_S) if self._rtt_s else self.timeout_s
+        return any(self._answered(size, wait_s, up_only=up_only) for _ in range(_TRIES))
 
     def _short(self) -> int:
         base = extended_size(authenticated=self.peer.key is not None)
         return base + ACKNOWLEDGEMENT_SIZE + self.headers
 
-    def _answered(self, size: int, *, up_only: bool) -> bool:
+    def _answered(self, size: int, wait_s: float, *, up_only: bool) -> bool:
         payload = size - self.headers
         tlvs = self._extensions(payload, up_only=up_only)
         answer = self._short() - self.headers if up_only else payload
@@ -98,7 +110,9 @@ class _MtuProbe:
         error = error_estimate(self.peer.clock_error_s, synchronised=self.peer.synchronised)
         packet = SenderPacket(self.sequence, ntp(self.transport.unix_ns()), error, self.session_id, tlvs)
         self.sequence += 1
-        end = self.transport.now_ns() + round(self.timeout_s * _SECOND)
+        now = self.transport.now_ns()
+        self._awaited[packet.sequence] = (size, up_only, answer, now)
+        end = now + round(wait_s * _SECOND)
         refused = self.transport.send(packet.encode(self.peer.key))
         while not refused and (arrival := self.transport.receive(end)) is not None:
             try:
@@ -106,10 +120,13 @@ class _MtuProbe:
             except BadPacket:
                 self.guard.count(len(arrival.datagram), 0)
                 continue
-            mine = reply.sender_sequence == packet.sequence and reply.session_id in {self.session_id, 0}
-            self.guard.count(len(arrival.datagram), answer if mine else 0)
-            if mine:
-                return up_only or len(arrival.datagram) == payload
+            named = reply.session_id in {self.session_id, 0}
+            sent = self._awaited.pop(reply.sender_sequence, None) if named else None
+            self.guard.count(len(arrival.datagram), 0 if sent is None else sent[2])
+            if sent is not None:
+                self._rtt_s = max(self._rtt_s, (arrival.at_ns - sent[3]) / _SECOND)
+                if sent[:2] == (size, up_only):
+                    return up_only or len(arrival.datagram) == payload
         return False
 
     def _extensions(self, payload: int, *, up_only: bool) -> Tlvs:

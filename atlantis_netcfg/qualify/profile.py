@@ -13,7 +13,6 @@ time, loss in bursts shorter than a gap, and how delay and loss change with the 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
@@ -21,7 +20,14 @@ from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.qualify.figures import AnsweredPacket, answered_packets, percentile
+from atlantis_netcfg.qualify.answers import (
+    LEAST_GAP_PACKETS,
+    answered_packets,
+    find_silences,
+    is_gap,
+    packets_of_known_fate,
+)
+from atlantis_netcfg.qualify.figures import percentile
 from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, read_run
 from atlantis_netcfg.qualify.reflector.stamp import (
     AUTHENTICATED_SIZE,
@@ -34,7 +40,6 @@ from atlantis_netcfg.qualify.samples import (
     PacketSent,
     ReflectorCounted,
     ReplyReceived,
-    StreamEnded,
     TrainBegan,
     read,
 )
@@ -44,6 +49,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.qualify.answers import AnsweredPacket, Silence
     from atlantis_netcfg.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.qualify.samples import Sample
 
@@ -52,8 +58,6 @@ PROFILE_FILE: Final = "profile.json"
 IDLE: Final = "idle"
 _LOAD_DOWN: Final = "load down"
 """The one stream of messages that the far end sends; all others go up."""
-_LEAST_GAP_S: Final = 1.0
-_LEAST_GAP_PACKETS: Final = 3
 _MOST_DELAYS: Final = 1000
 _FEWEST: Final = 20
 """Answered packets of which a profile is made."""
@@ -117,15 +121,6 @@ class LinkProfile(ProfilePart):
     gaps: tuple[ProfileGap, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Silence:
-    """Packets without an answer, one after the other."""
-
-    packets: int
-    down: int | None
-    """How many of them the reflector had answered; None: not known."""
-
-
 def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
     """Make the profile of a run. NoProfile: its train is missing, or too little of it was answered."""
     all_samples = [*samples]
@@ -140,11 +135,11 @@ def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
             f"run {run.id} cannot be replayed: {len(pairs)} packets of its train `{IDLE}` were answered",
             hint=f"take a run in which at least {_FEWEST} were",
         )
-    known = _known(idle, begin)
-    silences = _silences(known, pairs, next((s for s in idle if isinstance(s, ReflectorCounted)), None))
+    known = packets_of_known_fate(idle, begin)
+    silences = find_silences(known, pairs, next((s for s in idle if isinstance(s, ReflectorCounted)), None))
     least_rtt = min(pair.rtt for pair in pairs) / _SECOND
-    gaps = tuple(_gap(silence, begin.interval_s, least_rtt) for silence in silences if _is_gap(silence, begin))
-    loss_up, loss_down = _losses([s for s in silences if not _is_gap(s, begin)], len(pairs))
+    gaps = tuple(_gap(silence, begin.interval_s, least_rtt) for silence in silences if is_gap(silence, begin))
+    loss_up, loss_down = _losses([s for s in silences if not is_gap(s, begin)], len(pairs))
     up, down, split = _delays(begin, pairs)
     counted = next((sample for sample in idle if isinstance(sample, ReflectorCounted)), None)
     replies = sum(isinstance(sample, ReplyReceived) for sample in idle)
@@ -172,56 +167,10 @@ def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
     )
 
 
-def _known(idle: Sequence[Sample], begin: TrainBegan) -> list[PacketSent]:
-    """Packets whose fate is known: not those under way when the run ended, nor what this computer did not take."""
-    end = next((sample.ended_at_ns for sample in idle if isinstance(sample, StreamEnded)), None)
-    last_reply = max((s.arrived_at_ns for s in idle if isinstance(s, ReplyReceived)), default=0)
-    fate_known = (last_reply if end is None else end) - round(begin.timeout_s * _SECOND)
-    answered = {sample.sequence for sample in idle if isinstance(sample, ReplyReceived)}
-    return [
-        sample
-        for sample in idle
-        if isinstance(sample, PacketSent)
-        and not sample.error
-        and (sample.sequence in answered or sample.sent_at_ns <= fate_known)
-    ]
-
-
-def _silences(
-    known: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], counted: ReflectorCounted | None
-) -> list[_Silence]:
-    """Find what was not answered, and on which way it was lost, by the reflector's own numbers (RFC 8762, 4.3.1)."""
-    by_sequence = {pair.sequence: pair for pair in pairs}
-    lost = len(known) - len(pairs)
-    numbers = [pair.reflector_sequence for pair in pairs]
-    copies = lost > 0 and all(pair.sequence == pair.reflector_sequence for pair in pairs)
-    counts = len(set(numbers)) == len(numbers) and not copies
-    arrived = counted.received - counted.duplicates if counted is not None else None
-    found: list[_Silence] = []
-    before, length = -1, 0
-    for packet in known:
-        pair = by_sequence.get(packet.sequence)
-        if pair is None:
-            length += 1
-            continue
-        if length:
-            down = min(length, max(0, pair.reflector_sequence - before - 1))
-            found.append(_Silence(length, down if counts else None))
-        before, length = pair.reflector_sequence, 0
-    if length:
-        down_at_end = None if arrived is None or not counts else min(length, max(0, arrived - before - 1))
-        found.append(_Silence(length, down_at_end))
-    return found
-
-
-def _is_gap(silence: _Silence, begin: TrainBegan) -> bool:
-    return silence.packets >= _LEAST_GAP_PACKETS and silence.packets * begin.interval_s >= _LEAST_GAP_S
-
-
-def _gap(silence: _Silence, interval_s: float, least_rtt_s: float) -> ProfileGap:
+def _gap(silence: Silence, interval_s: float, least_rtt_s: float) -> ProfileGap:
     """Say how long the link was silent; a gap both ways also takes the answers to what was sent just before it."""
     lasted, down = silence.packets * interval_s, silence.down
-    few = _LEAST_GAP_PACKETS - 1
+    few = LEAST_GAP_PACKETS - 1
     if down == 0:
         return ProfileGap(seconds=lasted, up=True, down=False)
     if down is not None and silence.packets - down <= few < down:
@@ -230,7 +179,7 @@ def _gap(silence: _Silence, interval_s: float, least_rtt_s: float) -> ProfileGap
     return ProfileGap(seconds=max(interval_s, lasted - answers), up=True, down=True)
 
 
-def _losses(silences: Sequence[_Silence], answered: int) -> tuple[float, float]:
+def _losses(silences: Sequence[Silence], answered: int) -> tuple[float, float]:
     """Shares up and down. Where the way is not known, each way has lost the same share."""
     lost = sum(silence.packets for silence in silences)
     if any(silence.down is None for silence in silences):

@@ -52,6 +52,7 @@ _RATE: Final = re.compile(r"rate (\d+) (\S+)")
 _WITH_LOAD: Final = frozenset({Selection.THROUGHPUT, Selection.ALL})
 _UNDER_LOAD: Final = "buffer delay"
 """The criterion that needs a load."""
+BOUNDED: Final = "as much as the far end sends: the link may carry more"
 _NO_REFERENCE: Final = "nothing without load was measured to compare with"
 
 
@@ -81,6 +82,11 @@ class LoadRow:
     bounded: bool
     """It says what the far end sends at most, and nothing of the link."""
     latency: Percentiles | None
+    offered_bps: float | None
+    """What the sender offered, in octets of messages; None: not known."""
+    verdict: Verdict
+    """INCONCLUSIVE: the load did not fill the link, so the goodput is none of it; `doubt` says why."""
+    doubt: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +148,7 @@ class QualifyRecord(BaseModel):
     judgements: tuple[Judgement, ...]
     """Against the thresholds, by the figures without load, and under load where that was to be measured."""
     verdict: Verdict
-    """The worst of the judgements and of `run.way`; INCONCLUSIVE without a judgement, and of a run cut short."""
+    """The worst of the judgements, `load` and `run.way`; INCONCLUSIVE without a judgement, and of a run cut short."""
 
 
 def make_record(
@@ -162,7 +168,8 @@ def make_record(
     )
     idle, loaded = trains.get("idle"), trains.get("loaded")
     name, limits = thresholds or (run.thresholds_name, run.thresholds)
-    judgements = tuple(judge(idle, limits, loaded)) if idle is not None else ()
+    judgements = tuple(judge(idle, limits, loaded, messages.get("load up"))) if idle is not None else ()
+    load = tuple(measured.load())
     if run.selection not in _WITH_LOAD:
         judgements = tuple(item for item in judgements if not item.criterion.startswith(_UNDER_LOAD))
     ended = run.reason == EndReason.DONE and idle is not None and idle.reason == EndReason.DONE
@@ -177,14 +184,16 @@ def make_record(
         idle=idle,
         under_load=loaded,
         rpm_under_load=loaded.rpm if loaded is not None else None,
-        load=tuple(measured.load()),
+        load=load,
         telemetry=tuple(measured.telemetry()),
         images=tuple(measured.images()),
         highest_rates=tuple(measured.highest_rates()),
         wire_bytes=wire,
         mb_per_hour=wire / MB / seconds * _HOUR_S if seconds > 0 else None,
         judgements=judgements,
-        verdict=worst([whole, run.way, *(item.verdict for item in judgements)]) if judgements else Verdict.INCONCLUSIVE,
+        verdict=worst([whole, run.way, *(item.verdict for item in judgements), *(row.verdict for row in load)])
+        if judgements
+        else Verdict.INCONCLUSIVE,
     )
 
 
@@ -211,8 +220,10 @@ class _Measured:
     def load(self) -> Iterable[LoadRow]:
         ways: tuple[Literal["up", "down"], ...] = ("up", "down")
         for way in ways:
-            figures = self.messages.get(f"load {way}")
+            figures, idle = self.messages.get(f"load {way}"), self.trains.get("idle")
             if figures is not None:
+                loss = 0.0 if idle is None else idle.flr.share_up if way == "up" else idle.flr.down or idle.flr.both
+                doubt = BOUNDED if figures.is_bounded else figures.doubt(loss)
                 yield LoadRow(
                     way,
                     figures.size,
@@ -223,6 +234,9 @@ class _Measured:
                     figures.receiver_bps,
                     figures.is_bounded,
                     figures.latency,
+                    figures.offered_bps,
+                    Verdict.INCONCLUSIVE if doubt or figures.receiver_bps is None else Verdict.PASS,
+                    doubt,
                 )
 
     def telemetry(self) -> Iterable[MeasuredRate]:

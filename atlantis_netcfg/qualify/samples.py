@@ -115,6 +115,10 @@ class MessageEnded:
     """Octets of each chunk but the last; None: a version that did not write it."""
     far_rate_bps: float | None = None
     """Down: what the far end sends to this computer at most; no link shows more."""
+    due_ns: int | None = None
+    """How long after it the next one begins, by rate and pace of the plan; None: a version that did not write it."""
+    far_sent_ns: int | None = None
+    """Down: when the far end sent its first octet, on the far end's clock."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -197,6 +197,8 @@ class Train:
         sequence = packet.sender_sequence
         is_copy = sequence in self._answered
         self._answered.add(sequence)
+        if self._number == len(self._answered) == self.plan.packets:
+            self._next = min(self._next, arrival.at_ns)  # no answer is awaited any more
         if sequence >= self.plan.packets:
             self._accept_counters(packet)
             return 0 if is_copy else len(arrival.datagram)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.qualify.figures import percentile, percentiles
-from atlantis_netcfg.qualify.samples import MessageEnded
+from atlantis_netcfg.qualify.samples import MessageDirection, MessageEnded
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _SECOND: Final = 1_000_000_000
 _QUARTER: Final = 4
+_KEPT: Final = 0.97
+"""Of what was to be offered: less does not fill a link that carries as much. Of what was offered: more is all of it."""
 _NEAR: Final = 0.75
 """Of a limit with headers: so much of it is goodput at least where the limit is reached."""
 
@@ -43,6 +45,22 @@ class MessageFigures:
     """How much longer the last quarter of the messages took than the first, by their medians."""
     far_rate_bps: float | None = None
     """Down: what the far end sends at most. Goodput that comes near it is no figure of the link."""
+
+    offered_bps: float | None = None
+    """Octets of messages that the sender began to send a second, those of the last one left out."""
+    planned_bps: float | None = None
+    """What it was to offer; both are None where that is not known."""
+
+    def doubt(self, loss: float) -> str:
+        """Why the goodput is no figure of a link that loses this share without load; empty: the load filled it."""
+        offered, planned = self.offered_bps, self.planned_bps
+        if offered is None or planned is None:
+            return "what was offered is not known"
+        if offered < _KEPT * planned:
+            return f"the sender fell behind: it offered {offered / 1000:.0f} of {planned / 1000:.0f} kbit/s"
+        if (self.receiver_bps or 0.0) > _KEPT * (1 - loss) * offered:
+            return "nothing queued: the link carried all that was offered"
+        return ""
 
     @property
     def is_bounded(self) -> bool:
@@ -73,6 +91,7 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
         for message in whole
         if message.acknowledged_at_ns is not None
     ]
+    offered_bps, planned_bps = _offered_bps(ended)
     return MessageFigures(
         size=ended[0].size,
         chunks=ended[0].chunks,
@@ -86,7 +105,24 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
         busy_bps=_busy_bps(ended),
         queue_growth_s=_growth(latencies),
         far_rate_bps=next((message.far_rate_bps for message in ended if message.far_rate_bps is not None), None),
+        offered_bps=offered_bps,
+        planned_bps=planned_bps,
     )
+
+
+def _offered_bps(ended: Sequence[MessageEnded]) -> tuple[float | None, float | None]:
+    """From the first beginning of a message to the last one: what the sender offered, and what it was to."""
+    is_down = ended[0].direction == MessageDirection.DOWN
+    starts = [
+        (message.message, start)
+        for message in ended
+        if (start := message.far_sent_ns if is_down else message.sent_at_ns) is not None
+    ]
+    if ended[0].due_ns is None or len(starts) < 2:  # noqa: PLR2004 - a beginning and an end
+        return None, None
+    (first, begin), (last, end) = starts[0], starts[-1]
+    bits, due_ns = (last - first) * ended[0].size * 8 * _SECOND, (last - first) * ended[0].due_ns
+    return (bits / (end - begin), bits / due_ns) if end > begin else (None, None)
 
 
 def _receiver_bps(ended: Sequence[MessageEnded]) -> float | None:

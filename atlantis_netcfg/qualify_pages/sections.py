@@ -30,7 +30,7 @@ _COLUMNS: Final = {
     "verdicts": ("criterion", "measured", "limit", "verdict", "why"),
     "way": ("link", "packets up", "bytes up", "packets down", "bytes down", "port up", "port down"),
     "figures": ("figure", "without load", "under load"),
-    "load": ("direction", "message size", "sent", "received", "goodput", "50 %", "95 %"),
+    "load": ("direction", "message size", "sent", "received", "offered", "goodput", "50 %", "95 %"),
     "grid": ("size", "Hz", "sent", "received", "up %", "down %", "50 %", "95 %", "MB/h", "verdict"),
     "highest": ("size", "highest rate", "limited by", "how sure", "on the wire"),
     "used": ("what", "how much"),
@@ -209,6 +209,9 @@ _ROWS: Final[tuple[tuple[str, Callable[[TrainFigures], str]], ...]] = (
     ("loss up", lambda train: share(loss_shares(train)[0])),
     ("loss down", lambda train: share(loss_shares(train)[1])),
     ("loss, both ways together", lambda train: share(train.loss.share)),
+    ("lost in gaps", lambda train: str(train.flr.in_gaps)),
+    ("loss up, outside of gaps", lambda train: share(train.flr.up)),
+    ("loss down, outside of gaps", lambda train: share(train.flr.down)),
     ("late answers", lambda train: str(train.loss.late)),
     ("in flight at the end", lambda train: str(train.loss.in_flight)),
     ("refused by the reflector", lambda train: str(train.loss.limited)),
@@ -238,6 +241,7 @@ def _load(record: QualifyRecord) -> PageSection:
             f"{row.size} B",
             str(row.sent),
             str(row.received),
+            rate(row.offered_bps),
             rate(row.goodput_bps),
             UNKNOWN if row.latency is None else seconds(row.latency.p50),
             UNKNOWN if row.latency is None else seconds(row.latency.p95),
@@ -247,7 +251,8 @@ def _load(record: QualifyRecord) -> PageSection:
     why = f" ({run.path_mtu_reason})" if run.path_mtu_reason else ""
     known = (run.path_mtu_up, run.path_mtu_both)
     mtu = f"Path MTU: up {_octets(known[0])}, both ways {_octets(known[1])}{why}."
-    notes = [mtu, *([] if rows else ["Goodput was not measured."])]
+    doubts = [f"Goodput {_DIRECTIONS[row.way]}: {row.verdict.value}: {row.doubt}." for row in record.load if row.doubt]
+    notes = [mtu, *doubts, *([] if rows else ["Goodput was not measured."])]
     return PageSection(
         "load", "Goodput at the receiver, path MTU", tuple(notes), FigureTable(_COLUMNS["load"], rows) if rows else None
     )

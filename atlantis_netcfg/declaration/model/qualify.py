@@ -44,7 +44,7 @@ class LinkThresholds(Model):
     fdv_s: Annotated[StrictFloat, Field(gt=0)] | None = None
     """95th percentile of the delay above the least, each way, in seconds."""
     flr: Annotated[StrictFloat, Field(ge=0, lt=1)] | None = None
-    """Share of packets that may be lost, each way."""
+    """Share of packets that may be lost outside of gaps, each way."""
     gap_s: Annotated[StrictFloat, Field(gt=0)] | None = None
     """Longest time without an arrival, in seconds."""
     avail: Annotated[StrictFloat, Field(gt=0, le=1)] | None = None

@@ -77,6 +77,8 @@ TIMES: Final = {
     Pace.MOBILE: StageTimes(0.1, 3, 20, 8, 10, 4, 30),
     Pace.SATELLITE: StageTimes(0.2, 5, 30, 10, 20, 8, 90),
 }
+REHEARSED_GAP_S: Final = 5.0
+"""The train without load lasts 6 s in a rehearsal, and could show no longer gap."""
 REHEARSED: Final = StageTimes(0.01, 1.5, 1, 1, 2, 1, 5)
 
 
@@ -173,13 +175,17 @@ class QualifyPlan:
             yield self.window(size, min(rate, HIGHEST_HZ))
 
 
-def thresholds_of(bearer: Bearer) -> tuple[str, QualifyProfile]:
-    """What a link is held against, with the name that a person reads."""
+def thresholds_of(bearer: Bearer, *, rehearsed: bool = False) -> tuple[str, QualifyProfile]:
+    """What a link is held against, with the name that a person reads. A rehearsed train shows short gaps only."""
     declared = bearer.qualify
     name = (declared.profile or bearer.kind.traits.thresholds).value
     changes = declared.model_dump(exclude={"profile"}, exclude_none=True)
     shown = f"{name}, with its own {', '.join(changes)}" if changes else name
-    return shown, profile(name).model_copy(update=changes)
+    limits = profile(name).model_copy(update=changes)
+    if rehearsed and limits.gap_s > REHEARSED_GAP_S:
+        limits = limits.model_copy(update={"gap_s": REHEARSED_GAP_S})
+        shown += f", gaps up to {REHEARSED_GAP_S:g} s in a rehearsal"
+    return shown, limits
 
 
 def _idle_packets(bearer: Bearer, interval_s: float, *, rehearsed: bool) -> int:
@@ -222,10 +228,12 @@ def _load(rate_bps: float, times: StageTimes) -> MessagePlan:
 
 
 def _cells(chosen: Sequence[Selection], times: StageTimes) -> Iterator[RateCell]:
+    # Fewer than ten packets prove nothing of a rate, so a rehearsal waits for no more than one.
+    least = 1 if times is REHEARSED else _LEAST_MESSAGES
     if Selection.TELEMETRY in chosen:
         for octets in TELEMETRY_SIZES:
             for rate in TELEMETRY_RATES_HZ:
-                made = telemetry_plan(octets, rate, max(times.cell_s, _LEAST_MESSAGES / rate))
+                made = telemetry_plan(octets, rate, max(times.cell_s, least / rate))
                 plan = TrainPlan(made.size, made.interval_s, made.duration_s, times.timeout_s)
                 yield RateCell(f"telemetry {octets} {rate:g}", rate, plan, octets=octets)
     if Selection.IMAGES in chosen:

@@ -92,8 +92,9 @@ class QualifyResult:
         yield f"  path MTU: {mtu}"
         for row in self.record.load:
             had = "nothing arrived" if row.goodput_bps is None else f"{row.goodput_bps / 1000:.0f} kbit/s"
-            bounded = ", as much as the far end sends: the link may carry more" if row.bounded else ""
-            yield f"  goodput {row.way}, at the receiver: {had}{bounded}"
+            yield f"  {row.verdict.value:<12} goodput {row.way}, at the receiver: {had}"
+            if row.doubt:
+                yield f"  {'':<12} {row.doubt}"
         for rate in self.record.highest_rates:
             yield f"  {_rate(rate)}"
         if rows := (*self.record.telemetry, *self.record.images):

@@ -209,7 +209,7 @@ class LinkRun:
         return lambda message, done, total: self.notify(Event(router, Stage.VERIFYING, message, done, total))
 
     def _begun(self, source: str) -> MeasuredRun:
-        name, thresholds = thresholds_of(self.bearer)
+        name, thresholds = thresholds_of(self.bearer, rehearsed=self.emulated is not None)
         billing = self.bearer.billing if self.bearer.metered else None
         return MeasuredRun(
             id=self.folder.name,

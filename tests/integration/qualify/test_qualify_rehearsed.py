@@ -51,6 +51,20 @@ def test_a_link_that_does_not_carry_the_traffic_is_measured_and_the_router_count
 
 
 @pytest.mark.slow
+def test_a_good_link_is_green(tmp_path: Path) -> None:
+    told: dict[str, Any] = json.loads(
+        provision(tmp_path, "site=coastal", "link=satellite", "--rehearse", "--json", code=0).stdout
+    )
+    (link,) = told["links"]
+    assert (link["run"]["reason"], link["run"]["emulated"]) == ("done", True)
+    assert {each["criterion"]: each["verdict"] for each in link["judged"]} == {
+        **dict.fromkeys(("FTD, round trip, 95 %", "FDV up, 95 %", "FDV down, 95 %"), "PASS"),
+        **dict.fromkeys(("FLR up", "FLR down", "longest gap", "AVAIL"), "PASS"),
+    }
+    assert link["run"]["thresholds_name"] == "satellite, gaps up to 5 s in a rehearsal"
+
+
+@pytest.mark.slow
 def test_a_limit_in_eur_is_kept(tmp_path: Path) -> None:
     typed = ("site=coastal", "link=satellite", "--max-eur", "1", "--rehearse", "--json")
     told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)

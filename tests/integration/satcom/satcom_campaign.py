@@ -31,7 +31,8 @@ from atlantis_netcfg.declaration.model import Dds, RosDistribution, RosMiddlewar
 from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.gateway.dds import profile_views, profiles
 from atlantis_netcfg.operations.link_shapes import replayed
-from atlantis_netcfg.qualify.figures import TrainFigures, answered_packets, train_figures
+from atlantis_netcfg.qualify.answers import answered_packets
+from atlantis_netcfg.qualify.figures import TrainFigures, train_figures
 from atlantis_netcfg.qualify.grids import (
     IMAGE_RATES_HZ,
     IMAGES,

@@ -78,6 +78,34 @@ def test_a_gap_that_a_train_is_too_short_for_is_not_ruled_out(gap_s: float, verd
 
 
 @pytest.mark.parametrize(
+    ("gaps", "verdict"),
+    [
+        (((50.1, 1000.0),), Verdict.INCONCLUSIVE),  # 69.9 s were seen, and nobody knows how many followed
+        (((0.0, 70.0),), Verdict.INCONCLUSIVE),  # nor how many came before
+        (((10.0, 81.0), (100.0, 1000.0)), Verdict.INCONCLUSIVE),  # the longest one ended, another did not
+        (((50.1, 122.0),), Verdict.PASS),  # the answer to the question for the counters shows that it ended
+        (((119.5, 119.9),), Verdict.PASS),  # fewer than three packets are loss
+        (((20.0, 120.0),), Verdict.FAIL),  # longer than allowed, whatever its end
+    ],
+)
+def test_a_gap_that_an_end_of_the_train_cut_off_is_not_within_the_limit(
+    gaps: tuple[tuple[float, float], ...], verdict: Verdict
+) -> None:
+    _, samples = run_train(network(replace(SATELLITE, gaps_s=gaps), SATELLITE), TrainPlan(112, 0.2, 120))
+    judged = {item.criterion: item for item in judge(train_figures(samples, "train"), profile("satellite"))}
+    assert judged["longest gap"].verdict is verdict
+    if verdict is Verdict.INCONCLUSIVE:
+        assert judged["longest gap"].reason == "a gap at the beginning or the end of the train may have been longer"
+
+
+def test_a_gap_at_the_end_is_not_seen_to_end_by_a_far_end_that_tells_no_count() -> None:
+    gap = replace(SATELLITE, gaps_s=((60.0, 122.0),))
+    _, samples = run_train(network(gap, SATELLITE), TrainPlan(112, 0.2, 120), ReflectorPeer(KEY, counts=False))
+    judged = {item.criterion: item for item in judge(train_figures(samples, "train"), profile("satellite"))}
+    assert judged["longest gap"].verdict is Verdict.INCONCLUSIVE
+
+
+@pytest.mark.parametrize(
     ("seconds", "verdict"), [(4, Verdict.INCONCLUSIVE), (9, Verdict.INCONCLUSIVE), (10, Verdict.PASS)]
 )
 def test_a_rate_is_not_sustained_by_a_handful_of_packets(seconds: int, verdict: Verdict) -> None:

@@ -158,6 +158,38 @@ def test_the_path_mtu_each_way(up: int, down: int, expected: tuple[int, int, int
     assert (found.up, found.both, found.down) == expected
 
 
+@pytest.mark.parametrize(("delay_s", "mtu", "most_s"), [(0.0275, 1400, 20), (0.0275, 1380, 20), (0.35, 1400, 80)])
+def test_waits_of_the_path_mtu_follow_the_round_trip(delay_s: float, mtu: int, most_s: float) -> None:
+    """It waited 3 s six or seven times for each size that is too long: 210 of 377 s on a link of 55 ms."""
+    net = network(LinkShape(delay_s=delay_s, mtu=mtu, jitter_s=0.005), LinkShape(delay_s=delay_s, mtu=mtu))
+    found = path_mtu(net, ReflectorPeer(KEY), unlimited(net))
+    assert (found.up, found.both) == (mtu, mtu)
+    assert net.now / SECOND < most_s
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_answers_that_jitter_by_more_than_the_round_trip_are_not_lost(seed: int) -> None:
+    """A link of 700 ms whose packets take up to a second more, and 20 kbit/s, which long packets take seconds for."""
+    slow = LinkShape(delay_s=0.35, jitter_s=0.4, mtu=1412, rate_bps=352_000, loss=0.02)
+    net = network(slow, slow, seed)
+    assert path_mtu(net, ReflectorPeer(KEY), unlimited(net)).up == 1412
+    thin = LinkShape(delay_s=0.05, mtu=1412, rate_bps=20_000)
+    net = network(thin, thin, seed)
+    assert path_mtu(net, ReflectorPeer(KEY), unlimited(net)).both == 1412
+
+
+def test_a_gap_costs_the_path_mtu_no_more_than_short_packets() -> None:
+    """A gap of 70 s in which waits are short would cost hundreds of long packets."""
+    down = LinkShape(delay_s=0.0275)
+    plain, broken = (
+        network(replace(down, mtu=1400), down),
+        network(replace(down, mtu=1400, gaps_s=((0.5, 70.5),)), down),
+    )
+    for net in (plain, broken):
+        assert path_mtu(net, ReflectorPeer(KEY), unlimited(net)).up == 1400
+    assert broken.up.sent_bytes - plain.up.sent_bytes < 15_000
+
+
 def test_a_gap_is_no_mtu() -> None:
     net = network(LinkShape(delay_s=0.3, mtu=1400, gaps_s=((4.0, 74.0),)), LinkShape(delay_s=0.3))
     assert path_mtu(net, ReflectorPeer(KEY), unlimited(net), timeout_s=1).up == 1400
@@ -194,6 +226,12 @@ def test_a_grid_beyond_the_link_fails() -> None:
     _, samples = run_train(network(replace(UP, rate_bps=30_000), DOWN), grids.telemetry_plan(512, 10, 30))
     row = grids.telemetry_row(512, 10, train_figures(samples, "train"), 0.6)
     assert row.verdict is Verdict.FAIL
+
+
+def test_a_gap_of_the_link_is_no_limit_of_a_size_at_a_rate() -> None:
+    _, samples = run_train(network(replace(UP, gaps_s=((5.0, 10.0),)), DOWN), grids.telemetry_plan(32, 4, 20))
+    row = grids.telemetry_row(32, 4, train_figures(samples, "train"), 0.6)
+    assert (row.sent - row.received, row.verdict, row.reason) == (20, Verdict.INCONCLUSIVE, "a gap of the link")
 
 
 def test_one_that_is_lost_of_a_few_is_neither_a_failure_nor_proof() -> None:

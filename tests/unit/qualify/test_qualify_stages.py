@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from hints_said import advised
-from simulated_network import KEY, SECOND, SimulatedNetwork, network
+from simulated_network import KEY, SECOND, SimulatedNetwork, network, run_train
 from tolerances import tolerances
 
 from atlantis_netcfg.cli import main
@@ -115,6 +115,39 @@ def test_what_is_sent_is_within_what_was_said_before(selection: Selection) -> No
     (rate,) = measured.rates
     assert rate.size == measured.plan.sizes[0]
     assert rate.rate_hz is not None
+
+
+@pytest.mark.parametrize("name", ["satellite", "4g"])
+def test_a_rehearsal_ends_within_a_minute_and_is_green_where_the_link_is_good(name: str) -> None:
+    """It took 67 s over the satellite, and could not pass: no train of 6 s shows a gap of 90 s."""
+    measured, net = measurement(BEARERS[name], Selection.TELEMETRY)
+    assert measured.measure() == "done"
+    assert net.now / SECOND < 50, "a minute with its emulated devices"
+    limits = thresholds_of(BEARERS[name], rehearsed=True)
+    found = described(measured, Selection.TELEMETRY, thresholds=limits[1], thresholds_name=limits[0])
+    assert found.record.verdict is Verdict.PASS
+    assert found.exit is ExitCode.DONE
+
+
+def test_a_rehearsal_says_which_gaps_it_could_see() -> None:
+    assert thresholds_of(BEARERS["satellite"], rehearsed=True) == (
+        "satellite, gaps up to 5 s in a rehearsal",
+        profile("satellite").model_copy(update={"gap_s": 5.0}),
+    )
+    assert thresholds_of(BEARERS["4g"], rehearsed=True) == thresholds_of(BEARERS["4g"])
+    bearer = BEARERS["satellite"]
+    broken = replace(link_shapes(bearer)[0], gaps_s=((1.0, 100.0),))
+    measured, _ = measurement(bearer, Selection.TELEMETRY, net=network(broken, link_shapes(bearer)[1]))
+    measured._idle()
+    assert described(measured, Selection.TELEMETRY, reason="done").record.verdict is not Verdict.PASS
+
+
+def test_a_train_whose_packets_are_all_answered_awaits_nothing() -> None:
+    _, samples = run_train(network(LinkShape(delay_s=0.3), LinkShape(delay_s=0.3)), TrainPlan(112, 0.2, 10))
+    (end,) = (each for each in samples if isinstance(each, StreamEnded))
+    assert end.ended_at_ns / SECOND == pytest.approx(9.8 + 2 * 0.6, abs=0.01), (
+        "the last answer, and that with the count"
+    )
 
 
 def test_goodput_is_measured_each_way() -> None:

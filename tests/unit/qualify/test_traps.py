@@ -64,6 +64,46 @@ def test_a_gap_that_has_not_ended_counts() -> None:
     assert gaps.open_end
 
 
+@pytest.mark.parametrize("counts", [True, False])
+def test_packets_lost_in_a_gap_are_unavailability_and_no_frame_loss(counts: bool) -> None:  # noqa: FBT001
+    """ITU-T Y.1563: severely errored blocks leave the loss ratio. A gap of 70 s in 120 would be 58 % loss."""
+    net = network(LinkShape(delay_s=0.3, gaps_s=((20.0, 90.0),)), LinkShape(delay_s=0.3))
+    _, samples = run_train(net, TrainPlan(172, 0.2, 120), ReflectorPeer(KEY, counts=counts))
+    figures = train_figures(samples, "train")
+    assert figures.loss.lost == 350, "the packets are counted"
+    assert figures.loss.share == pytest.approx(0.583, abs=0.001)
+    assert (figures.flr.up, figures.flr.down, figures.flr.both, figures.flr.in_gaps) == (0.0, 0.0, 0.0, 350)
+    judged = {
+        item.criterion: item for item in judge(figures, profile("satellite").model_copy(update={"min_samples": 500}))
+    }
+    assert [judged[name].verdict for name in ("FLR up", "FLR down", "longest gap")] == [Verdict.PASS] * 3
+    assert judged["AVAIL"].measured == pytest.approx(50 / 120, abs=0.01)
+    assert judged["AVAIL"].verdict is Verdict.FAIL
+
+
+def test_loss_outside_of_gaps_is_that_of_the_link() -> None:
+    up = LinkShape(delay_s=0.3, loss=0.05, gaps_s=((100.0, 170.0),))
+    net = network(up, LinkShape(delay_s=0.3, loss=0.02), 4)
+    _, samples = run_train(net, TrainPlan(172, 0.25, 600))
+    figures = train_figures(samples, "train")
+    outside = 2400 - 280
+    assert figures.flr.up == pytest.approx(net.up.lost / outside, abs=0.002)
+    assert figures.flr.down == pytest.approx(net.down.lost / (outside - net.up.lost), abs=0.002)
+    assert figures.flr.both == pytest.approx((net.up.lost + net.down.lost) / outside, abs=0.002)
+    judged = {item.criterion: item for item in judge(figures, profile("satellite"))}
+    assert judged["FLR up"].measured == figures.flr.up
+    assert judged["FLR up"].verdict is Verdict.FAIL
+    assert judged["FLR down"].verdict is Verdict.PASS
+
+
+def test_few_packets_outside_of_gaps_do_not_pass() -> None:
+    net = network(LinkShape(delay_s=0.3, gaps_s=((20.0, 90.0),)), LinkShape(delay_s=0.3))
+    _, samples = run_train(net, TrainPlan(172, 0.2, 120))
+    judged = {item.criterion: item for item in judge(train_figures(samples, "train"), profile("satellite"))}
+    assert judged["FLR up"].verdict is Verdict.INCONCLUSIVE
+    assert judged["FLR up"].reason == "only 250 packets outside of gaps, 300 are needed"
+
+
 def test_goodput_is_the_receivers() -> None:
     """iperf3 (a): the sender of a TCP stream says 449 kbit/s of a link of 352."""
     net = network(SLOW_UP, DOWN)

@@ -15,7 +15,14 @@ from atlantis_netcfg.declaration.model import BearerKind
 from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.qualify.record import QualifyRecord, make_record
-from atlantis_netcfg.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
+from atlantis_netcfg.qualify.samples import (
+    MessageEnded,
+    PacketSent,
+    ReflectorCounted,
+    ReplyReceived,
+    StreamEnded,
+    TrainBegan,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -71,11 +78,16 @@ class MeasuredLink:
         return make_record(run, self.samples(now))
 
     def samples(self, now: datetime) -> Iterator[Sample]:
-        """Yield a train without load, and a longer round trip in one beside a load."""
+        """Yield a train without load, and a longer round trip in one beside a load that fills the link."""
         limits, begun = profile(_THRESHOLDS[self.kind]), now - self.age
         rtt_s = self.slower * limits.ftd_s
         yield from _train("idle", limits.min_samples, rtt_s, begun)
         yield from _train("loaded", limits.min_samples // 10, rtt_s * (1 + limits.buffer_delay / 2), begun)
+        for number, late in enumerate(range(0, 3 * _SECOND, _SECOND)):
+            begin, end = number * _SECOND + late // 4, (number + 1) * _SECOND + late // 2
+            yield MessageEnded(
+                "load up", number, 9000, 9, 9, number * _SECOND, end, 9000, begin, end, in_flight=False, due_ns=_SECOND
+            )
 
 
 def _train(stream: str, packets: int, rtt_s: float, begun: datetime) -> Iterator[Sample]:
