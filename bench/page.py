@@ -45,7 +45,7 @@ def page(  # noqa: PLR0913, PLR0917 - all that was measured
     crowds: Sequence[Crowd],
     kept: Sequence[Runs],
     onboardings: Sequence[Onboarding],
-    exact: Mapping[Scenario, wire.WireFigure],
+    exact: Sequence[Figure],
     versions: Mapping[str, str],
     notes: Sequence[str],
 ) -> str:

@@ -17,9 +17,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pyrage
 import pytest
-import weak_age
 from hypothesis import is_hypothesis_test, settings
 
 if TYPE_CHECKING:
@@ -283,7 +281,7 @@ def own_state(state_of_tests: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def weak_seals() -> Iterator[None]:
     """Seal with a passphrase at once; tests/unit/vpn_pki/test_pki_seal.py asks for the real strength."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pyrage.passphrase, "encrypt", weak_age.encrypt)
+        patch.setattr("atlantis_netcfg.vpn.pki.age_file.WORK_FACTOR", 4)
         yield
 
 

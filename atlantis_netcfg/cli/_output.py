@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
 import sys
 import threading
 import time
@@ -162,14 +161,20 @@ def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
 
 def width_of(out: TextIO) -> int:
     """Columns at which lines are wrapped: those of a terminal; 0 elsewhere, where programs and `grep` read."""
-    return shutil.get_terminal_size((printable.NARROW, 24)).columns if out.isatty() else 0
+    return _terminal().columns if out.isatty() else 0
+
+
+def _terminal() -> os.terminal_size:
+    import shutil
+
+    return shutil.get_terminal_size((printable.NARROW, 24))
 
 
 def page(rows: Sequence[printable.Row]) -> None:
     """Show lines; what is longer than a terminal goes through `$PAGER`, else `less`, if a person sits there."""
     out, width = sys.stdout, width_of(sys.stdout)
     lines = [line for row in rows for line in printable.wrapped(row, width, _MARGIN)]
-    height = shutil.get_terminal_size((printable.NARROW, 24)).lines
+    height = _terminal().lines
     able = os.environ.get("TERM", "dumb") != "dumb"  # `less` asks there whether it may go on
     if width and able and sys.stdin.isatty() and len(lines) >= height and _paged(lines):
         return

@@ -335,7 +335,7 @@ def _adds(menu: Menu, values: Mapping[str, str], command: str) -> bool:
 
 
 _NO_HISTORY = DriftHistory()
-_UNREAD = "over a metered link only their number is read"
+_UNREAD = "only their number was read; `--plan --remove-foreign` shows all of them"
 _NEVER = "no run has confirmed a state of this device"
 
 

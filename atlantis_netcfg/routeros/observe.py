@@ -107,6 +107,8 @@ LEAVES: Final = frozenset(
 """Menus of which a row may come, go or change and no row of another menu changes with it."""
 BRIEF: Final = ("/ip/dns/static", "/ip/firewall/address-list")
 """Menus of which rows may be read bare: what one of them means does not hang on the rows beside it."""
+WHOLE: Final = frozenset({"/interface/bridge", "/ip/dhcp-server", "/ip/firewall/mangle", "/ip/firewall/nat"})
+"""Lists of few rows of which the names of all properties are longer than what else a row has."""
 HISTORY: Final = 100
 """Entries that a device's history keeps: beyond them their number does not tell whether somebody has changed it."""
 _MISSING = ("no such command", "no such directory")
@@ -317,7 +319,8 @@ def merged(observed: Observed, menus: Sequence[str], replies: Sequence[Reply]) -
 def printing(path: str) -> Command:
     """Return the command that reads a menu. Settings are asked for whole: their names cost more than their values."""
     menu = MENUS[path]
-    named = () if menu.shape is Shape.SINGLETON else ((".proplist", ",".join((".id", *_properties(menu)))),)
+    whole = menu.shape is Shape.SINGLETON or path in WHOLE
+    named = () if whole else ((".proplist", ",".join((".id", *_properties(menu)))),)
     return Command(f"{path}/print", (*named, *((("config", ""),) if menu.configured else ())))
 
 
@@ -333,15 +336,15 @@ def _properties(menu: Menu) -> tuple[str, ...]:
 def _known(path: str, reply: Reply) -> tuple[Row, ...]:
     """Return the rows, of settings without what nobody asked for: clocks and counters are no configuration."""
     menu = MENUS[path]
-    if menu.shape is not Shape.SINGLETON:
+    if menu.shape is not Shape.SINGLETON and menu.path not in WHOLE:
         return reply.rows
-    if len(reply.rows) > 1:
+    if menu.shape is Shape.SINGLETON and len(reply.rows) > 1:
         raise DeviceFailed(
             f"{menu.title}: settings are one row, and the device answers with {len(reply.rows)}, of which nobody knows "
             "which holds",
             hint=f"look at them on the device:  {menu.title} print",
         )
-    names = _properties(menu)
+    names = (".id", *_properties(menu)) if menu.path in WHOLE else _properties(menu)
     return tuple({name: row[name] for name in names if name in row} for row in reply.rows)
 
 

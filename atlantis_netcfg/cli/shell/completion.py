@@ -6,7 +6,7 @@ Words, flags, choices, sites, devices, vehicles, partners and runs are those of 
 
 from __future__ import annotations
 
-from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import CommandSpec, Group
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def _print(shell: str) -> ExitCode:
-    print((files("atlantis_netcfg.cli.shell") / f"{shell}.txt").read_text(encoding="utf-8"), end="")
+    print(Path(__file__).with_name(f"{shell}.txt").read_text(encoding="utf-8"), end="")
     return ExitCode.DONE
 
 

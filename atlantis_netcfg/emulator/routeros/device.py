@@ -32,6 +32,8 @@ from atlantis_netcfg.emulator.routeros.store import RowStore
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from atlantis_netcfg.emulator.routeros.storage import Flash
+    from atlantis_netcfg.emulator.routeros.store import HistoryEntry
 
 __all__ = ["NOT_REHEARSED", "Device", "Printed", "Service"]
 
@@ -356,20 +358,36 @@ class Device(ConsoleBackend, FileSide):
 
         With `Deviation.POWER_LOSS` they are in it.
         """
-        core = self._core
-        store = core.store
-        floating = [entry for entry in core.history.entries if entry.floating and not entry.undone]
-        if floating and Deviation.POWER_LOSS not in self.spec.deviations:
-            store = RowStore(core.schema)
-            store.load(core.store.dump())
+        store = self._core.store
+        if floating := self._floating():
+            store = RowStore(store.schema)
+            store.load(self._core.store.dump())
             for entry in reversed(floating):
                 for change in reversed(entry.changes):
                     store.put_back(change)
+        return {**self._beside_rows(), "configuration": store.dump()}
+
+    def save_to(self, flash: Flash) -> None:
+        """Write to the flash what is new: a line where rows were changed, else all that `snapshot` returns."""
+        store = self._core.store
+        changes = store.dump_unsaved()
+        if store.unsaved is None or self._floating() or not flash.extend(self._beside_rows(), changes, store.counters):
+            flash.save(self.snapshot(), self._beside_rows())
+        store.unsaved = None if self._floating() else []
+
+    def _floating(self) -> list[HistoryEntry]:
+        """Return what a power cut would undo."""
+        if Deviation.POWER_LOSS in self.spec.deviations:
+            return []
+        return [entry for entry in self._core.history.entries if entry.floating and not entry.undone]
+
+    def _beside_rows(self) -> dict[str, Any]:
+        core = self._core
         files = {name: [file.number, file.contents, file.modified, file.folder] for name, file in core.files.items()}
         software = {"version": core.spec.version, "packages": list(core.spec.packages)}
         keys = {str(number): pem for number, pem in core.keys.items()}
         wraps = {str(number): key for number, key in core.wraps.items()}
-        flash = {"configuration": store.dump(), "files": files, "software": software, "keys": keys, "wraps": wraps}
+        flash = {"files": files, "software": software, "keys": keys, "wraps": wraps}
         sim = {} if self.spec.modem is None else {"tries_left": core.sim.tries_left}
         return flash | sim | {"greetings": list(core.greetings)}
 

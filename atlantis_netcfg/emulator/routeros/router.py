@@ -99,7 +99,7 @@ class EmulatedRouter:
         """Pull the plug: sockets close, the flash stays; raises what went wrong inside the twin meanwhile."""
         self._doors.close()
         self._side_doors.close()
-        self._flash.save(self.device.snapshot())
+        self.device.save_to(self._flash)
         if self._serial is not None:
             self._serial.close()
             self._serial = None
@@ -311,7 +311,7 @@ class EmulatedRouter:
         await self._doors.align(self.device.services())
         if self.spec.first_contact is not None:
             await self._side_doors.align(self.device.services())
-        self._flash.save(self.device.snapshot())
+        self.device.save_to(self._flash)
 
     def _certificate(self, name: str) -> Path | None:
         pem = self.device.certificate(name)

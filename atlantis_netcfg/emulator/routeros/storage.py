@@ -13,6 +13,7 @@ from atlantis_netcfg.emulator.routeros.core import Core, FlashFile
 from atlantis_netcfg.emulator.routeros.wire.tls import certificate
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
 
@@ -78,28 +79,62 @@ class FileSide:
         )
 
 
+_FIRST_ROOM = 65_536
+"""So many bytes of lines may follow at least; a file that is replaced when it has doubled is written twice in all."""
+
+
+def _replay(tables: dict[str, list[list[Any]]], menu: str, number: int, position: int | None, rest: list[Any]) -> None:
+    rows = tables.setdefault(menu, [])
+    rows[:] = [row for row in rows if row[0] != number]
+    if position is not None:
+        rows.insert(position, [number, *rest])
+
+
 class Flash:
     """The state directory of one twin; nobody but its owner may read it."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._file = folder / "flash.json"
-        self._written: str | None = None
+        self._beside: dict[str, Any] = {}
+        self._counters: Mapping[str, int] = {}
+        self._room = 0
 
     def load(self) -> dict[str, Any] | None:
         """What was saved last, or None on the first start."""
         if not self._file.exists():
             return None
-        loaded: dict[str, Any] = json.loads(self._file.read_text(encoding="utf-8"))
+        first, *lines = self._file.read_text(encoding="utf-8").split("\n")
+        loaded: dict[str, Any] = json.loads(first)
+        for line in lines[:-1]:  # behind the last end of a line a killed process may have left a part of one
+            beside, changes, counters = json.loads(line)
+            loaded |= beside
+            loaded["configuration"]["counters"] |= counters
+            for change in changes:
+                _replay(loaded["configuration"]["tables"], *change)
         return loaded
 
-    def save(self, snapshot: dict[str, Any]) -> None:
-        """Replace the file atomically, if there is anything new."""
-        text = json.dumps(snapshot)
-        if text == self._written:
-            return
-        write_private(self._file, text.encode())
-        self._written = text
+    def save(self, snapshot: dict[str, Any], beside: dict[str, Any]) -> None:
+        """Replace the file atomically; `beside` is what the snapshot holds beside the rows."""
+        data = json.dumps(snapshot).encode() + b"\n"
+        write_private(self._file, data)
+        self._beside, self._counters = beside, snapshot["configuration"]["counters"]
+        self._room = max(len(data), _FIRST_ROOM)
+
+    def extend(self, beside: dict[str, Any], changes: Sequence[Sequence[Any]], counters: Mapping[str, int]) -> bool:
+        """Add what is new as one line; False: there are so many by now that the file has to be replaced."""
+        new = {name: value for name, value in beside.items() if value != self._beside.get(name)}
+        counted = {name: number for name, number in counters.items() if number != self._counters.get(name)}
+        if not new and not changes and not counted:
+            return True
+        data = json.dumps([new, changes, counted]).encode() + b"\n"
+        self._room -= len(data)
+        if self._room < 0:
+            return False
+        with self._file.open("ab") as file:
+            file.write(data)
+        self._beside, self._counters = beside, dict(counters)
+        return True
 
     def certificate(self, name: str, *, common_name: str, address: str) -> Path:
         """PEM file of the certificate that the router calls `name`."""

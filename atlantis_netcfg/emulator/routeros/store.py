@@ -180,6 +180,30 @@ class Table:
     args: dict[str, Arg]
     """Arguments that the router's version and board have."""
     items: list[StoredItem] = field(default_factory=list)
+    _groups: dict[str, dict[str | None, dict[StoredItem, None]]] = field(default_factory=dict)
+    """By argument, the rows of each stored value, so that nobody has to look through thousands of them."""
+
+    def alike(self, name: str, value: str | None) -> list[StoredItem]:
+        """Return the rows that have this stored value, or none."""
+        if name not in self._groups:
+            groups: dict[str | None, dict[StoredItem, None]] = {}
+            for item in self.items:
+                groups.setdefault(item.values.get(name), {})[item] = None
+            self._groups[name] = groups
+        groups = self._groups[name]
+        return [*groups.get(value, ()), *(groups.get(None, ()) if value is not None else ())]
+
+    def regroup(self, item: StoredItem, before: Mapping[str, str] | None, after: Mapping[str, str] | None) -> None:
+        """Let the groups follow one change of a row; None is "not there"."""
+        for name, groups in self._groups.items():
+            if before is not None:
+                groups.get(before.get(name), {}).pop(item, None)
+            if after is not None:
+                groups.setdefault(after.get(name), {})[item] = None
+
+    def ungroup(self) -> None:
+        """Forget the groups: rows were changed behind their back."""
+        self._groups.clear()
 
     def find(self, number: int) -> StoredItem | None:
         """Return the row with this id."""
@@ -197,6 +221,8 @@ class RowStore:
         self.revision = 0
         self.changes: list[StoreChange] = []
         """Changes that no history entry holds yet."""
+        self.unsaved: list[tuple[StoreChange, StoredItem]] | None = None
+        """What was done to the rows since the flash was written, in this order; None: it has to be written anew."""
         self._dynamic_ids: dict[tuple[str, str, int], int] = {}
 
     def table(self, path: str) -> Table:
@@ -278,10 +304,9 @@ class RowStore:
 
     # --- changes ---------------------------------------------------------------------------------------------------
 
-    def place(self, path: str, number: int) -> Placed | None:
+    def place(self, path: str, item: StoredItem) -> Placed:
         """Return a row's content and position as they are now."""
-        items = self.table(path).items
-        return next((Placed(dict(item.values), at) for at, item in enumerate(items) if item.id == number), None)
+        return Placed(dict(item.values), self.table(path).items.index(item))
 
     def insert(self, path: str, values: Mapping[str, str], index: int | None = None) -> StoredItem:
         """Add a row, at the end if no index is given."""
@@ -289,47 +314,64 @@ class RowStore:
         item = StoredItem(self.new_id(path), dict(values))
         position = len(items) if index is None else index
         items.insert(position, item)
-        self._note(StoreChange(path, item.id, None, Placed(dict(item.values), position)))
+        self._note(StoreChange(path, item.id, None, Placed(dict(item.values), position)), item)
         return item
 
     def update(self, path: str, item: StoredItem, values: Mapping[str, str]) -> None:
         """Give a row new content."""
-        before = self.place(path, item.id)
+        before = self.place(path, item)
         item.values = dict(values)
-        self._note(StoreChange(path, item.id, before, self.place(path, item.id)))
+        self._note(StoreChange(path, item.id, before, before._replace(values=dict(values))), item)
 
     def move(self, path: str, item: StoredItem, index: int) -> None:
         """Put a row at a position, counted without itself."""
-        before = self.place(path, item.id)
+        before = self.place(path, item)
         items = self.table(path).items
         items.remove(item)
         items.insert(index, item)
-        self._note(StoreChange(path, item.id, before, self.place(path, item.id)))
+        self._note(StoreChange(path, item.id, before, self.place(path, item)), item)
 
     def remove(self, path: str, item: StoredItem) -> None:
         """Take a row away."""
-        before = self.place(path, item.id)
+        before = self.place(path, item)
         self.table(path).items.remove(item)
-        self._note(StoreChange(path, item.id, before, None))
+        self._note(StoreChange(path, item.id, before, None), item)
 
-    def _note(self, change: StoreChange) -> None:
-        self.revision += 1
+    def _note(self, change: StoreChange, item: StoredItem) -> None:
         self.changes.append(change)
+        self._follow(change, item)
+
+    def _follow(self, change: StoreChange, item: StoredItem) -> None:
+        self.revision += 1
+        before, after = (None if place is None else place.values for place in (change.before, change.after))
+        self.table(change.menu).regroup(item, before, after)
+        if self.unsaved is not None:
+            self.unsaved.append((change, item))
 
     def put_back(self, change: StoreChange, *, forward: bool = False) -> None:
         """Undo (or redo) one change: content, position and id."""
-        self.revision += 1
         table = self.table(change.menu)
         desired = change.after if forward else change.before
         item = table.find(change.id)
-        if item is not None:
+        before = None if item is None else self.place(change.menu, item)
+        item = item or StoredItem(change.id, {})
+        if before is not None:
             table.items.remove(item)
         if desired is not None:
-            item = item or StoredItem(change.id, {})
             item.values = dict(desired.values)
             table.items.insert(desired.position, item)
+        self._follow(StoreChange(change.menu, change.id, before, desired), item)
 
     # --- flash -----------------------------------------------------------------------------------------------------
+
+    def dump_unsaved(self) -> list[tuple[str, int, int | None, list[Any]]]:
+        """Return what is `unsaved` as JSON-able data: menu, id, position or None for a row that has gone, its rest."""
+        return [
+            (change.menu, change.id, place and place.position, [place and place.values, item.factory, item.dynamic])
+            for change, item in self.unsaved or ()
+            for place in (change.after,)
+            if not item.dynamic or item.factory is not None
+        ]
 
     def dump(self) -> dict[str, Any]:
         """Return everything as JSON-able data."""
@@ -358,11 +400,13 @@ class RowStore:
             if upgraded and not self.schema.has_menu(path):
                 continue
             table = self.table(path)
+            table.ungroup()
             table.items = [
                 StoredItem(number, dict(values), factory, dynamic) for number, values, factory, dynamic in rows
             ]
             for item in table.items if upgraded else ():
                 item.values = {name: value for name, value in item.values.items() if name in {*table.args, "name"}}
         self.changes.clear()
+        self.unsaved = None
         self._dynamic_ids.clear()
         self.revision += 1

@@ -280,9 +280,8 @@ async def _read_fitting(work: RunContext) -> None:
 
 
 def _may_be_brief(job: DeviceJob, mode: JobMode) -> bool:
-    """Tell whether rows of others need only be counted: where bytes are dear and no run can go on to remove them."""
-    dear = job.bearer is not None and job.bearer.metered
-    return dear and (mode is JobMode.PLAN or (mode is JobMode.APPLY and not job.remove_foreign))
+    """Tell whether rows of others need only be counted: where no run can go on to remove them, and nobody wants all."""
+    return mode in (JobMode.PLAN, JobMode.APPLY) and not job.remove_foreign
 
 
 async def _read(work: RunContext) -> None:

@@ -112,8 +112,8 @@ def _parts(action: Action, budget: int) -> Iterator[Action]:
 
 
 AGREE_APART = (
-    "`--plan` shows them; to let them go, type the same with `--remove-foreign` (plain Ansible: with "
-    "`-e atlantis_remove_foreign=true`), for `--yes` does not say that"
+    "`--plan --remove-foreign` shows all of them; to let them go, type the same with `--remove-foreign` (plain "
+    "Ansible: with `-e atlantis_remove_foreign=true`), for `--yes` does not say that"
 )
 
 

@@ -1,9 +1,8 @@
 """Files that only a passphrase or a recipient's key opens: age, which everybody can install, or ansible-vault.
 
-The CA's key is sealed by age with scrypt: a guess costs over a second, and 256 MiB to 1 GiB of memory, by the speed of
-the computer that has sealed it. PKCS #8's own encryption costs a third of a millisecond, and ansible-vault's 10 000
-rounds a few (facts 12): its passphrase must be stronger. How strong one is, zxcvbn estimates: it knows words, names,
-dates and keyboards.
+The CA's key is sealed by age with scrypt: a guess costs 256 MiB of memory and about a second. PKCS #8's own encryption
+costs a third of a millisecond, and ansible-vault's 10 000 rounds a few (facts 12): its passphrase must be stronger. How
+strong one is, zxcvbn estimates: it knows words, names, dates and keyboards.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING
 import pyrage
 
 from atlantis_netcfg.core import passwords
+from atlantis_netcfg.vpn.pki import age_file
 from atlantis_netcfg.vpn.pki.keys import RecipientRefused, SealDamaged, SealTooLarge, WeakPassphrase, WrongPassphrase
 
 if TYPE_CHECKING:
@@ -37,9 +37,14 @@ _X25519 = re.compile(r"age1[02-9ac-hj-np-z]{58}")
 
 
 def seal(data: bytes, passphrase: Secret) -> bytes:
-    """Encrypt; text that `age --decrypt` opens as well. Takes over a second by intent. Raises WeakPassphrase."""
+    """Encrypt; text that `age --decrypt` opens as well. Slow by intent. Raises WeakPassphrase, SealTooLarge."""
     check_passphrase(passphrase, SEAL_GUESSES)
-    return bytes(pyrage.passphrase.encrypt(data, passphrase.reveal(), armored=True))
+    needed, free = _scrypt_bytes(age_file.WORK_FACTOR), _free_bytes()
+    if free is not None and free < needed:
+        raise SealTooLarge(
+            f"sealing it takes {needed >> 20} MiB of memory, and this computer has {free >> 20} MiB left", hint=_LARGER
+        )
+    return age_file.encrypt(data, passphrase.reveal())
 
 
 def unseal(sealed: bytes, passphrase: Secret) -> bytes:
@@ -64,9 +69,14 @@ def seal_for(data: bytes, recipient: str, *others: str) -> bytes:
 
 
 def opening_bytes(sealed: bytes) -> int:
-    """Memory that scrypt takes to open what age has sealed by a passphrase: 128 bytes, 8 times, 2^N (RFC 7914)."""
+    """Memory that scrypt takes to open what age has sealed by a passphrase."""
     found = _SCRYPT.search(_binary(sealed))
-    return 128 * 8 << int(found[1]) if found is not None else 0
+    return _scrypt_bytes(int(found[1])) if found is not None else 0
+
+
+def _scrypt_bytes(cost: int) -> int:
+    """128 bytes, 8 times, 2^cost (RFC 7914)."""
+    return 128 * 8 << cost
 
 
 def check_passphrase(passphrase: Secret, guesses: int) -> None:
@@ -124,6 +134,7 @@ def vault_unseal(sealed: bytes, passphrase: Secret) -> bytes:
 
 _SHOWN = 30
 """Letters of what is no recipient: enough to know it again, in case that it was meant to be kept."""
+_LARGER = "end other programs, or do this on a larger computer"
 _RESTORE = "restore it from your backup of the authority"
 _STRONGER = "take six words that a die has chosen, and keep them where the authority's folder is not"
 
@@ -134,7 +145,7 @@ def _check_memory(needed: int) -> None:
     if free is not None and free < needed:
         raise SealTooLarge(
             f"opening it takes {needed >> 20} MiB of memory, and this computer has {free >> 20} MiB left",
-            hint="end other programs, or do this on a larger computer",
+            hint=_LARGER,
         )
 
 

@@ -21,7 +21,7 @@ def figure(name: str, link: Shape, wall_s: float, size: int, failure: str = "") 
 
 
 def written(*figures: Figure, crowds: tuple[Crowd, ...] = (), kept: tuple[Runs, ...] = ()) -> list[str]:
-    return page(figures, crowds, kept, (), {}, {}, ()).splitlines()
+    return page(figures, crowds, kept, (), (), {}, ()).splitlines()
 
 
 def test_a_peer_that_is_ahead_is_named_with_its_rows() -> None:

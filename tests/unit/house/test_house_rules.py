@@ -29,7 +29,6 @@ class Run:
         self.pytester = pytester
         self.monkeypatch = monkeypatch
         pytester.makeconftest(CONFTEST.read_text())
-        (pytester.path / "weak_age.py").write_bytes(CONFTEST.with_name("weak_age.py").read_bytes())
         for name in ("PYTEST_ADDOPTS", "PYTEST_XDIST_WORKER", "PYTEST_XDIST_WORKER_COUNT", "CI"):
             monkeypatch.delenv(name, raising=False)
 

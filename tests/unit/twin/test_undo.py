@@ -1,11 +1,15 @@
 """Whatever is done can be undone exactly: content, position and id."""
 
+from itertools import count
+from pathlib import Path
+
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec
+from atlantis_netcfg.emulator.routeros.storage import Flash
 
 NUMBERS = st.integers(0, 5)
 RULES = "/ip/firewall/filter"
@@ -94,3 +98,28 @@ def test_an_export_goes_into_a_fresh_router(actions: list[list[str]]) -> None:
     adopted = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8 \\\n    network=10.64.101.0\n'
     fresh = Device(RouterSpec(name="router", seed=text.replace(adopted, "")), lambda: 0.0)
     assert fresh.export(header=False) == text
+
+
+KEPT = st.one_of(
+    ACTIONS,
+    NUMBERS.map(lambda n: ["/ip/firewall/address-list/add", "=list=a", f"=address=10.0.0.{n}", "=timeout=1d"]),
+    st.sampled_from([["/undo"], ["/redo"], ["/safe-mode/take"], ["/safe-mode/release"], ["/safe-mode/unroll"]]),
+)
+FOLDERS = count()
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
+@given(st.lists(KEPT, max_size=25))
+def test_the_flash_holds_at_any_time_what_a_power_cut_leaves(tmp_path: Path, actions: list[list[str]]) -> None:
+    """Line by line, and also where it is replaced."""
+    device, caller = _router()
+    folder = tmp_path / str(next(FOLDERS))
+    flash = Flash(folder)
+    for action in actions:
+        device.run(caller, action)
+        device.save_to(flash)
+        kept, desired = Flash(folder).load(), device.snapshot()
+        assert kept is not None
+        for state in (kept, desired):
+            state["configuration"]["tables"] = _filled(state["configuration"]["tables"])
+        assert kept == desired

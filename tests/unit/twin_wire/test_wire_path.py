@@ -1,7 +1,11 @@
 import asyncio
 import hashlib
+import re
 import ssl
+import sys
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import pytest
 from wire_helpers import Client, now, router, router_spec, run
@@ -218,3 +222,35 @@ def test_counters_add_up() -> None:
     assert WireCounters(1, 2, 3, 4, 5, 6, 7, 8).plus(WireCounters(turns=1, wire_out=1)) == WireCounters(
         1, 2, 4, 4, 5, 6, 7, 9
     )
+
+
+async def test_a_row_costs_as_much_beside_hundreds_as_alone(tmp_path: Path) -> None:
+    """Steps of the interpreter and bytes to the flash, of which each row once took more than the one before."""
+    steps = 0
+
+    def count(frame: FrameType, event: str, _: object) -> Any:  # noqa: ANN401 - as settrace has it
+        nonlocal steps
+        frame.f_trace_lines, frame.f_trace_opcodes = False, True
+        steps += event == "opcode"
+        return count
+
+    async def cost(twin: EmulatedRouter, first: int) -> tuple[int, int]:
+        nonlocal steps
+        steps, before = 0, _written()
+        sys.settrace(count)
+        for each in range(first, first + 100):
+            address = f"=address=198.18.{each // 250}.{1 + each % 250}"
+            await twin.console(["/ip/firewall/address-list/add", "=list=theirs", address])
+        sys.settrace(None)
+        return steps, _written() - before
+
+    async with router(tmp_path) as twin:
+        costs = [await cost(twin, first) for first in range(0, 1200, 100)]
+        flash = (tmp_path / "flash" / "flash.json").stat().st_size
+    assert costs[-1][0] < 1.05 * costs[1][0]
+    assert sum(written for _, written in costs) < 4 * flash
+
+
+def _written() -> int:
+    """Bytes that this process has written so far."""
+    return int(re.findall(r"(?m)^wchar: (\d+)$", Path("/proc/self/io").read_text())[0])

@@ -77,8 +77,7 @@ def _check_unique(core: Core, table: Table, unique: Unique, values: Mapping[str,
     tables = list(core.store.space_tables("interface")) if table.menu.space == "interface" else [table]
     for other_table in tables:
         # Among very many rows the first argument tells nearly all of them apart.
-        alike = (other for other in other_table.items if other.values.get(first, key[0]) == key[0])
-        for other in alike:
+        for other in other_table.alike(first, key[0]):
             counts = not unique.enabled or other.values.get("disabled") != "yes"
             if other is not item and counts and _key(table, unique, other.values) == key:
                 raise Trap(unique.words)
