@@ -47,7 +47,7 @@ ASKING: pytest.StashKey[Asking] = pytest.StashKey()
 PROMISES: pytest.StashKey[list[Promises]] = pytest.StashKey()
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
+def pytest_addoption(parser: pytest.Parser, pluginmanager: pytest.PytestPluginManager) -> None:
     parser.addoption("--site", required=True, help="the site to check, or `all`")
     parser.addoption("--inventory", type=Path, default=INVENTORY, help="folder of the declaration")
     group = parser.getgroup("checklist", "pre-test checklist")
@@ -56,6 +56,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--rehearse", action="store_true", help="ask emulated vehicles and devices of the site")
     group.addoption("--via", help="the bearer over which you work, where it is not the declared one")
     group.addoption("--accept-cost", action="store_true", help="pay for what goes over a link paid by the byte")
+    if not pluginmanager.hasplugin("timeout"):  # a fresh checkout has no pytest-timeout, and its settings are strict
+        parser.addini("timeout", "ignored without pytest-timeout")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "timeout(seconds): how long a test may take, where pytest-timeout is installed")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -274,6 +274,8 @@ class Attempt:
     filter_open: bool = False
     """Whether the router's filter was opened for this target, so that the terminal alone decided."""
     note: str = ""
+    hint: str = ""
+    """What makes a way, where it was not tried."""
 
 
 def judge_attempt(attempt: Attempt, *, link_seen: bool) -> BearerFinding:
@@ -283,7 +285,7 @@ def judge_attempt(attempt: Attempt, *, link_seen: bool) -> BearerFinding:
     """
     if attempt.outcome is ProbeOutcome.NOT_TRIED:
         message = f"{attempt.name} ({attempt.target}) could not be tried: {attempt.note}"
-        return BearerFinding(Verdict.INCONCLUSIVE, "not-tried", message)
+        return BearerFinding(Verdict.INCONCLUSIVE, "not-tried", message, attempt.hint or None)
     if attempt.expected is Expected.REACHED:
         return _reached(attempt)
     if attempt.outcome is ProbeOutcome.SILENT and not link_seen:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.bearers.cost import CostRefused, Preview
 from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused
-from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, named, refused_person
+from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, is_picture, named, refused_person
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase, item_title
 from atlantis_netcfg.checklist.runner import Ears, examine
@@ -109,7 +109,7 @@ def _confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
 def _answer(prompt: Prompt, step: Step) -> Confirmation:
     verdict = _verdict(prompt)
     request, holds = step.evidence, verdict in {Verdict.PASS, Verdict.WARN}
-    number = request.kind is EvidenceKind.NUMBER and holds
+    number, photo = (holds and request.kind is kind for kind in (EvidenceKind.NUMBER, EvidenceKind.PHOTO))
     value = prompt.number(f"The number, in {request.unit}:") if number else None
     if verdict in _NOTES:
         note = prompt.needs(_NOTES[verdict])
@@ -117,7 +117,9 @@ def _answer(prompt: Prompt, step: Step) -> Confirmation:
         note = prompt.needs("What was seen:")
     else:
         note = prompt.ask("Note (may be empty):")
-    return Confirmation(verdict=verdict, by=prompt.name_of(step.by), note=note, files=prompt.files(), value=value)
+    return Confirmation(
+        verdict=verdict, by=prompt.name_of(step.by), note=note, files=prompt.files(photo=photo), value=value
+    )
 
 
 def _verdict(prompt: Prompt) -> Verdict:
@@ -518,16 +520,24 @@ class Prompt:
                 return value
             self.say(translate(f"  `{typed}` is no number: write it without its unit, like 16.1"))
 
-    def files(self) -> tuple[Path, ...]:
-        """Photos or files that show it; none with an empty answer."""
-        found: list[Path] = []
-        while typed := self.ask("Photo or file that shows it (a path; empty: none or no more):"):
-            path = Path(typed).expanduser()
-            if path.is_file():
-                found.append(path)
+    def files(self, *, photo: bool = False) -> tuple[Path, ...]:
+        """Photos or files that show it; none with an empty answer, unless a photo is needed. Raises Later, Back."""
+        files: list[Path] = []
+        if photo:
+            while not is_picture(file := self._path(self.needs("Photo that shows it (a path of a JPEG or PNG):"))):
+                self.say(translate(f"  {file} is no JPEG or PNG that can be read"))
+            files.append(file)
+        more = "no more" if photo else "none or no more"
+        while typed := self.ask(f"Photo or file that shows it (a path; empty: {more}):"):
+            if (file := self._path(typed)).is_file():
+                files.append(file)
             else:
                 self.say(translate(f"  there is no file {typed}"))
-        return tuple(found)
+        return tuple(files)
+
+    @staticmethod
+    def _path(typed: str) -> Path:
+        return Path(typed).expanduser()
 
 
 _LABEL = re.compile(r" *\S+ {2,}| *")

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TextIO
 
 from atlantis_netcfg.core import printable
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete
+from atlantis_netcfg.core.errors import REHEARSE, DeviceFailed, ExitCode, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import Style, Styled
@@ -63,6 +63,9 @@ def as_typed(hint: str, typed: Sequence[str]) -> str:
     """A hint whose commands go on where the typed one was: its site and device, and what `carried` gives."""
     from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 
+    with suppress(NetcfgError):
+        if REHEARSE in hint and load(choose(typed, COMMANDS)[0], COMMANDS).command.flag("rehearse") is not None:
+            hint = hint.replace(REHEARSE, "add --rehearse")
     words = dict(word.partition("=")[::2] for word in typed)
     hint = complete(hint, site=words.get("site", ""), device=words.get("device") or words.get("host") or "")
 

@@ -121,10 +121,6 @@ class CommandSession:
             state=self.state,
             mode=mode,
             rehearsed=self.rehearsed,
-            targets=self.rehearsal.targets if self.rehearsal else {},
-            standins=self.rehearsal.computers.stubs if self.rehearsal else None,
-            images=self.rehearsal.computers.images if self.rehearsal else {},
-            authority=self.rehearsal.computers.authority if self.rehearsal else None,
             via={**({host.name: self.via for host in self.hosts} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,
             run=run,
@@ -136,6 +132,7 @@ class CommandSession:
             unprotected=self.arguments.given(UNPROTECTED),
             accept_cost=self.arguments.given(ACCEPT_COST),
             remove_foreign=self.arguments.given(REMOVE_FOREIGN) or self.remove_foreign,
+            **(self.rehearsal.request_fields if self.rehearsal else {}),
             command=shlex.join(["provision", *sys.argv[1:]]),
         )
 

@@ -176,7 +176,7 @@ def _digest(plan: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(plan, sort_keys=True).encode()).hexdigest()
 
 
-_HINT = "a plan of a site is kept with `--plan --save FILE`"
+_HINT = "`provision site=NAME --plan --save FILE` saves the plan of a site"
 
 
 def _is_whole(plan: Mapping[str, Any]) -> bool:

@@ -63,7 +63,11 @@ QUALIFY = CommandSpec(
         Flag("max-mb", "stop before more has passed, both ways together, in 10^6 bytes", takes="N"),
         Flag("max-eur", "stop before it costs more; the tariff of the link has to be declared, in EUR", takes="X"),
         Flag("max-minutes", "stop before it takes longer", takes="M"),
-        Flag("rehearse", "the same with an emulated router, link and far end, within seconds", harmless=True),
+        Flag(
+            "rehearse",
+            "the same with an emulated router, link and far end; over a slow link it takes minutes",
+            harmless=True,
+        ),
         PROFILE,
         ACCEPT_COST,
         ASK_VAULT_PASS,

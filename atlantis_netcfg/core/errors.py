@@ -33,6 +33,9 @@ class ExitCode(IntEnum):
 TRUST = "`provision trust site=…` on a terminal shows who answers, and asks you"
 """What to type where it is not known how a device is told from an impostor: the only command that agrees to one."""
 
+REHEARSE = "rehearse the site: `provision site=… --rehearse`"
+"""What may go on with example values; a door that rehearses by itself puts its own words in its place."""
+
 WORST_FIRST = (
     ExitCode.OUR_FAULT,
     ExitCode.UNKNOWN,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, FACTORY_USER
@@ -76,6 +76,17 @@ class Rehearsal:
     computers: RehearsedComputers = field(default_factory=RehearsedComputers)
     replay: Replay | None = None
     """A measured run that takes the place of a declared link."""
+
+    @property
+    def request_fields(self) -> dict[str, Any]:
+        """What a request has to say of the emulated devices."""
+        computers = self.computers
+        return {
+            "targets": self.targets,
+            "standins": computers.stubs,
+            "images": computers.images,
+            "authority": computers.authority,
+        }
 
     @property
     def left_out(self) -> Mapping[str, str]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from atlantis_netcfg.core.crash_report import crashed
-from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.errors import REHEARSE, NetcfgError, UsageError, nearest
 from atlantis_netcfg.core.paths import hold_own, state_dir
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.examples import by_line
@@ -28,25 +28,44 @@ ACCEPT_COST = "atlantis_accept_cost"
 """Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""
 REMOVE_FOREIGN = "atlantis_remove_foreign"
 """The same for rows of others that go by the hundred."""
+REHEARSED = "atlantis_rehearse"
+"""Have emulated devices take the place of the real ones."""
 PLAIN_ANSIBLE = "ansible-playbook"
 """What the journal calls a run that was not asked for by `provision`."""
 
 
+_REQUEST = "atlantis_request"
 _BOOLEANS = {"true": True, "yes": True, "false": False, "no": False}
+_FIELDS = {ACCEPT_COST: "accept_cost", REMOVE_FOREIGN: "remove_foreign", REHEARSED: "rehearsed"}
 
 
-def consent(variables: Mapping[str, object]) -> dict[str, bool]:
-    """What Ansible's variables agree to beyond the run itself, as fields of a request. Raises UsageError."""
+def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
+    """The fields of a request that Ansible's variables give. Raises UsageError in one plain sentence."""
+    from atlantis_netcfg.declaration.new_inventory.questions import wrong  # noqa: PLC0415 - plain Ansible alone asks it
+
+    for name in variables:
+        if name.startswith("atlantis_") and name not in {_REQUEST, *_FIELDS}:
+            known = nearest(name, (_REQUEST, *_FIELDS)) or ACCEPT_COST
+            raise UsageError(f"there is no extra variable `{name}`", hint=f"did you mean `{known}`?")
+    request = variables.get(_REQUEST) or {}
+    if not isinstance(request, dict):
+        raise UsageError(f"{_REQUEST} is no mapping: {request}", hint=f"type `-e '{{\"{_REQUEST}\": {{…}}}}'`")
+    for key, value in request.items():
+        if key not in Request.model_fields:
+            known = nearest(str(key), Request.model_fields) or "mode"
+            raise UsageError(f"{_REQUEST} has no key `{key}`", hint=f"did you mean `{known}`?")
+        if (why := wrong(Request, str(key), value)) is not None:
+            raise UsageError(f"{_REQUEST}: {why}")
     agreed = {}
-    for name in (ACCEPT_COST, REMOVE_FOREIGN):
+    for name, field in _FIELDS.items():
         text = str(variables.get(name, "false"))
         if text.lower() not in _BOOLEANS:
             raise UsageError(
                 f"{name} is neither true nor false: {text}", hint=f"type `-e {name}=true`, or leave it out"
             )
         if name in variables:
-            agreed[name.removeprefix("atlantis_")] = _BOOLEANS[text.lower()]
-    return agreed
+            agreed[field] = _BOOLEANS[text.lower()]
+    return {**request, **agreed}
 
 
 class Mode(StrEnum):
@@ -247,7 +266,7 @@ def refuse_examples(declaration: Declaration, *, rehearsed: bool) -> None:
     """Raise UsageError if devices of an inventory that still holds example values are to be contacted."""
     if not declaration.pilot.example_values or rehearsed:
         return
-    hint = "replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse"
+    hint = f"replace them and set `example_values: false` in group_vars/all/pilot.yml, or {REHEARSE}"
     if declaration.examples:
         first = "\n".join(f"  {line}" for line in by_line(declaration.examples)[:_SHOWN])
         hint += (

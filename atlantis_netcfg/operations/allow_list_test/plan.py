@@ -35,13 +35,10 @@ _READ, _READ_TARGET, _READ_LINK = 1_800, 350, 350
 Measured on emulated routers: 3.1 kB with 3 targets and 2 links, 3.8 kB with 3 links; a test holds the sum.
 """
 _LOGIN, _TERMINAL, _PING, _ROWS = 100, 700, 200, 2_000
-_NO_TCP = "a TCP connection needs a row of netwatch for a moment: add --try-all"
-_NO_TIME = "the time client has to be made to ask over it, which needs a routing rule for a moment: add --try-all"
+_NO_TCP = "a TCP connection needs a row of netwatch for a moment"
+_NO_TIME = "the time client has to be made to ask over it, which needs a routing rule for a moment"
 _FOLLOWS = "the router sends to the VPN's address over the best link, which is not the satellite now"
-_QUIET = (
-    "the satellite does not carry the traffic now, so nothing asks this target over it; put it in use for some minutes,"
-    " and try again"
-)
+_QUIET = "the satellite does not carry the traffic now, so nothing asks this target over it"
 _NO_UDP = "silence of UDP proves nothing, and nothing of the router's asks this target; try it by hand"
 
 
@@ -59,6 +56,8 @@ class Task:
     probe: SatelliteProbe
     why_not: str = ""
     """Why there is no way; of probe `none` only."""
+    hint: str = ""
+    """What makes a way."""
 
 
 def tasks(pilot: Pilot, bearer: Bearer, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
@@ -67,7 +66,7 @@ def tasks(pilot: Pilot, bearer: Bearer, *, active: bool, try_all: bool = False) 
     `try_all`: rows may be added to the router for a moment. The far end of measurements is left to `provision qualify`:
     it answers nobody who has no key, and a router has none.
     """
-    how = _How(pilot, active, try_all)
+    how = _How(pilot, bearer.name, active, try_all)
     measured = far_end(pilot)
     reached = (_task(target, Expected.REACHED, how) for target in allowed(pilot, bearer) if target != measured)
     refused = (_task(target, Expected.REFUSED, how) for target in bearer.refused_probes)
@@ -79,8 +78,19 @@ class _How:
     """What decides by which way a target is tried."""
 
     pilot: Pilot
+    link: str
     active: bool
     try_all: bool
+
+    def hint(self, why_not: str) -> str:
+        """What to type so that a target can be tried; empty: nothing helps."""
+        if why_not in {_NO_TCP, _NO_TIME}:
+            return "`provision prove site=… --try-all` tries it"
+        if why_not in {_QUIET, _FOLLOWS}:
+            return (
+                f"`provision use site=… link={self.link} for=10m --unproved` puts it in use; then type the same again"
+            )
+        return ""
 
     def elsewhere(self, target: AllowedTarget) -> bool:
         """Whether the router would send to it over another link."""
@@ -97,13 +107,19 @@ def expected_bytes(planned: tuple[Task, ...], rounds: int) -> int:
     return sum(_ROUND_BYTES.get(task.probe, 0) * rounds for task in planned)
 
 
+def reading_bytes(planned: tuple[Task, ...], links: int) -> int:
+    """What one reading of the counters carries at most, above TLS."""
+    reached = sum(task.expected is Expected.REACHED for task in planned)
+    return _READ + _READ_TARGET * reached + _READ_LINK * links
+
+
 def session_bytes(planned: tuple[Task, ...], rounds: int, links: int, *, open_filter: bool) -> tuple[int, int]:
     """What the session to the router carries at most, above TLS: what it always does, and the asking by turns.
 
     `links`: bearers of the site, each of which has its routes.
     """
     reached = [task for task in planned if task.expected is Expected.REACHED]
-    read = _READ + _READ_TARGET * len(reached) + _READ_LINK * links
+    read = reading_bytes(planned, links)
     turns = {task.probe for task in reached if task.probe not in (SatelliteProbe.NONE, *TEMPORARY_ROWS)}
     refused = sum(task.expected is Expected.REFUSED and task.probe is SatelliteProbe.ICMP for task in planned)
     temporary = any(task.probe in TEMPORARY_ROWS for task in planned)
@@ -116,7 +132,17 @@ def session_bytes(planned: tuple[Task, ...], rounds: int, links: int, *, open_fi
 def _task(target: AllowedTarget, expected: Expected, how: _How) -> Task:
     probe, why_not = _probe(target, expected, how)
     words = str(target.address) if target.port is None else f"{target.address} {target.transport} {target.port}"
-    return Task(target.name, words, str(target.address), target.port, target.transport.value, expected, probe, why_not)
+    return Task(
+        target.name,
+        words,
+        str(target.address),
+        target.port,
+        target.transport.value,
+        expected,
+        probe,
+        why_not,
+        how.hint(why_not),
+    )
 
 
 def _probe(target: AllowedTarget, expected: Expected, how: _How) -> tuple[SatelliteProbe, str]:

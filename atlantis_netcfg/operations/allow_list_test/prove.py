@@ -33,6 +33,7 @@ from atlantis_netcfg.operations.allow_list_test.plan import (
     factory_ping,
     ping,
     read,
+    reading_bytes,
     reads,
     session_bytes,
     tasks,
@@ -284,6 +285,8 @@ def _result(attempt: Attempt, finding: BearerFinding) -> dict[str, Any]:
 
 
 _COUNTED = (SatelliteProbe.UDP_COUNTER, SatelliteProbe.TUNNEL)
+_END_TURNS = 2
+"""What follows the last turn costs no more than so many: rows are removed, and the counters are read once more."""
 _REFUSALS = 3
 """Echo requests to a target that the router's own filter should stop: each has to show in its drop counter."""
 
@@ -364,7 +367,8 @@ class Proving:
         planned = tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
         for task in planned:
             if task.probe is SatelliteProbe.NONE:
-                self._attempts.append(_attempt(task, ProbeOutcome.NOT_TRIED, note=task.why_not))
+                untried = _attempt(task, ProbeOutcome.NOT_TRIED, note=task.why_not)
+                self._attempts.append(replace(untried, hint=task.hint))
         alone = [task for task in planned if task.probe not in (SatelliteProbe.NONE, *TEMPORARY_ROWS)]
         reached = [task for task in alone if task.expected is Expected.REACHED]
         self._attempts += await self._reach(session, reached, before)
@@ -445,7 +449,7 @@ class Proving:
         waited_s, now = 0.0, before
         for turn in range(self.pace.rounds):
             left = [task for task in todo if task not in answers]
-            if not left or (turn and await self._spent(session)):
+            if not left or (turn and self._is_spent(now if now is not before else await self._read(session))):
                 break
             self._say(f"{len(left)} allowed targets have not answered yet", turn, self.pace.rounds)
             pings = [task for task in left if task.probe is SatelliteProbe.ICMP]
@@ -498,7 +502,7 @@ class Proving:
         waited_s, found = 0.0, False
         async with temporarily(session, filter_rows(reading, self._chains, task.address)):
             for turn in range(self.pace.rounds):
-                if turn and await self._spent(session):
+                if turn and self._is_spent(await self._read(session)):
                     break
                 found = answered(await session.command(ping(task.address, str(self.bearer.address))))
                 if found:
@@ -513,20 +517,21 @@ class Proving:
         """Ask what needs rows on the router, all in one window; who is to be refused is asked to its end."""
         before = now = await self._read(session)
         answers: dict[Task, float] = {}
-        waited_s = 0.0
+        waited_s, rounds = 0.0, self._affordable(before)
+        pause_s = self.pace.rounds / rounds * self.pace.every_s
         added = rows(todo, self.bearer, await session.command(RULES), active=active)
         async with temporarily(session, added):
             if any(task.probe is SatelliteProbe.TIME for task in todo):
                 await ask_now(session)
-            for turn in range(self.pace.rounds):
-                self._say(f"{len(todo) - len(answers)} targets by rows of a moment", turn, self.pace.rounds)
-                await self.pace.sleep(self.pace.every_s)
-                waited_s += self.pace.every_s
+            for turn in range(rounds):
+                self._say(f"{len(todo) - len(answers)} targets by rows of a moment", turn, rounds)
+                await self.pace.sleep(pause_s)
+                waited_s += pause_s
                 now = await self._read(session)
                 found = connected(todo, await session.command(STATUS))
                 found |= {task for task in todo if self._more(before, now, task)}
                 answers = dict.fromkeys(found, waited_s) | answers
-                if len(answers) == len(todo) or now.port_bytes - self._start_bytes >= BUDGET_BYTES:
+                if len(answers) == len(todo) or self._is_spent(now):
                     break
         return [self._requested(task, answers, waited_s, before, now) for task in todo]
 
@@ -536,9 +541,24 @@ class Proving:
         found, note = outcome(task, answers, before, now, self._chains[0])
         return replace(_attempt(task, found, window_s=waited_s, note=note), after_s=answers.get(task))
 
-    async def _spent(self, session: Session) -> bool:
-        """Whether the satellite's port has carried the budget since the proof began, whoever has used it."""
-        return (await self._read(session)).port_bytes - self._start_bytes >= BUDGET_BYTES
+    def _is_spent(self, now: NameReading) -> bool:
+        """Whether the budget has no room for another turn and the end, whoever has used the satellite."""
+        return now.port_bytes - self._start_bytes + (1 + _END_TURNS) * self._turn_bytes >= BUDGET_BYTES
+
+    def _affordable(self, now: NameReading) -> int:
+        """How many turns the budget has room for, with rows to be added and removed: at least one."""
+        if not self._turn_bytes:
+            return self.pace.rounds
+        left = BUDGET_BYTES - (now.port_bytes - self._start_bytes)
+        return max(1, min(self.pace.rounds, left // self._turn_bytes - _END_TURNS))
+
+    @property
+    def _turn_bytes(self) -> int:
+        """What a turn of asking carries over the satellite where the session to the router goes there as well."""
+        if self.carrier != self.bearer.name:
+            return 0
+        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        return ceil((1 + HEADERS) * reading_bytes(planned, len(self.ways)))
 
     def _say(self, message: str, done: int = 0, total: int = 0) -> None:
         self.notify(Event(self.router, Stage.VERIFYING, message, done, total))

@@ -48,6 +48,14 @@ def test_items_are_tests(tmp_path: Path) -> None:
     assert "eca-rov/usbl: A. Technician has seen that it works, but: it jumps" in done.stdout
 
 
+def test_items_are_tests_in_a_fresh_checkout() -> None:
+    """Which has pytest, and none of the plug-ins that the tests of this toolkit need."""
+    absent = [word for name in ("timeout", "xdist", "hypothesispytest") for word in ("-p", f"no:{name}")]
+    done = checks("--vehicle", "sparus", "--endpoint", "gps", "--rehearse", *absent)
+    assert "1 passed" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 0
+
+
 def test_nothing_real_is_asked_with_example_values() -> None:
     done = checks("--vehicle", "stork")
     assert done.returncode != 0

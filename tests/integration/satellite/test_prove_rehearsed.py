@@ -69,6 +69,14 @@ def test_a_site_that_declares_nothing_to_refuse_is_not_called_proved(tmp_path: P
 
 
 @pytest.mark.slow
+def test_a_session_over_the_satellite_keeps_to_the_budget_and_asks_for_the_whole_window(tmp_path: Path) -> None:
+    """Each look at the counters costs airtime here, so that there are few of them, and time between them."""
+    told = json.loads(provision(tmp_path, "site=te4sea", "--try-all", "--rehearse", "--json", code=7).stdout)
+    assert told["bytes_counted"] < told["budget_bytes"] == 20_000
+    assert [row["window_s"] for row in told["targets"] if row["probe"].startswith("ntp")] == [90.0, 90.0]
+
+
+@pytest.mark.slow
 def test_a_proof_asks_for_what_it_bills(tmp_path: Path) -> None:
     """The session to the vessel's router goes over the satellite as well, and its handshake is paid for."""
     told = json.loads(provision(tmp_path, "site=te4sea", "--rehearse", "--json", code=7).stdout)

@@ -110,7 +110,10 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str]] = {
     "none": (none, "name the folder itself; `provision bundle site=…` makes one, and tells where it has put it"),
     "too dear": (
         too_dear,
-        "type the same with --accept-cost; or bring the packages: `provision bundle site=…`, then `--offline`",
+        (
+            "type the same with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true); or bring the packages:"
+            " `provision bundle site=…`, then `--offline`"
+        ),
     ),
     "no name": (
         no_name,

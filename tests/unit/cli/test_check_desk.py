@@ -1,17 +1,21 @@
 """What a person at the desk of a checklist is asked, word by word, and what becomes of the answers."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from check_desk import LAMP, PING, RADIO, Sitting, entry
+from PIL import Image
 
 from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.checklist import PlanEntry
+from atlantis_netcfg.checklist.probes.step import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted, doubt_of_name
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration.model import EvidenceKind
 
 WELL = "PASS hears the boat"
 
@@ -95,6 +99,29 @@ def test_everything_but_yes_needs_words(word: str, verdict: str, question: str, 
     assert verdicts(sitting) == {"sparus/gps": verdict}
     asked = f"(item 1 of 1) {question}"
     assert f"{asked} \n  something has to stand here; `later` leaves it open\n{asked} it is dark" in sitting.text
+
+
+def test_a_photo_that_is_needed_is_asked_for_until_there_is_one(tmp_path: Path) -> None:
+    """Nothing that the question offers is refused afterwards, and no answer is asked for twice."""
+    notes, photo = tmp_path / "notes.txt", tmp_path / "lamp.png"
+    notes.write_text("it is green", encoding="utf-8")
+    Image.new("RGB", (2, 2)).save(photo)
+    step = replace(LAMP.step, evidence=EvidenceRequest(EvidenceKind.PHOTO))
+    typed = ["yes", "", "N", "", str(notes), str(tmp_path / "absent.png"), str(photo), ""]
+    sitting = Sitting(tmp_path, typed, (replace(LAMP, step=step),))
+    assert verdicts(sitting) == {"sparus/gps": "PASS"}
+    assert sitting.text.count("Does it hold?") == 1
+    assert sitting.text.count("Photo that shows it (a path of a JPEG or PNG):") == 4
+    assert "empty: none" not in sitting.text
+    assert "something has to stand here; `later` leaves it open" in sitting.text
+    assert f"{notes} is no JPEG or PNG that can be read" in " ".join(sitting.text.split())
+
+
+def test_a_photo_that_is_needed_is_not_asked_for_where_it_does_not_hold(tmp_path: Path) -> None:
+    step = replace(LAMP.step, evidence=EvidenceRequest(EvidenceKind.PHOTO))
+    sitting = Sitting(tmp_path, ["unclear", "it is dark", "N", "", "on"], (replace(LAMP, step=step),))
+    assert verdicts(sitting) == {"sparus/gps": "INCONCLUSIVE"}
+    assert "a JPEG or PNG" not in sitting.text
 
 
 @pytest.mark.parametrize("kept", range(5))

@@ -25,7 +25,7 @@ from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, lin
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.request import ACCEPT_COST as ACCEPT
-from atlantis_netcfg.operations.request import REMOVE_FOREIGN, consent
+from atlantis_netcfg.operations.request import REMOVE_FOREIGN, of_variables
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
@@ -163,16 +163,16 @@ def test_a_unit_without_a_way_of_its_own_is_reached_as_its_router_is(declaration
     ("said", "meant"), [(True, True), ("true", True), ("Yes", True), (False, False), ("no", False), ("False", False)]
 )
 def test_what_ansible_is_told_of_costs_is_taken_as_it_is_meant(said: object, *, meant: bool) -> None:
-    assert consent({ACCEPT: said}) == {"accept_cost": meant}
-    assert consent({REMOVE_FOREIGN: said}) == {"remove_foreign": meant}
-    assert consent({}) == {}
+    assert of_variables({ACCEPT: said}) == {"accept_cost": meant}
+    assert of_variables({REMOVE_FOREIGN: said}) == {"remove_foreign": meant}
+    assert of_variables({}) == {}
 
 
 @pytest.mark.parametrize("said", ["perhaps", "", 1, None])
 def test_what_ansible_is_told_of_costs_is_never_guessed(said: object) -> None:
     for name in (ACCEPT, REMOVE_FOREIGN):
         with pytest.raises(UsageError, match=f"{name} is neither true nor false"):
-            consent({name: said})
+            of_variables({name: said})
 
 
 def test_devices_on_one_link_are_added_up_and_reading_costs_less(declaration: Declaration, tmp_path: Path) -> None:

@@ -52,6 +52,10 @@ def reached(laptop: Laptop) -> list[str]:
         seen.append(f"{opened.hosts[0].name} {opened.arguments.optional('link')}")
         raise NothingBehindIt("it would be measured")
 
+    def used(opened: Any, wanted: Any) -> None:  # noqa: ANN401 - a session and its request
+        seen.append(f"{opened.hosts[0].name} {wanted.for_s} {wanted.unproved}")
+        raise NothingBehindIt("it would be put in use")
+
     def adoption(arguments: Any, _declaration: object, host: Any, *_: object) -> None:  # noqa: ANN401 - of the command
         seen.append(f"{host.name} {arguments.flag('replaced')}")
         raise NothingBehindIt("it would be looked for")
@@ -64,6 +68,7 @@ def reached(laptop: Laptop) -> list[str]:
     laptop.monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.links._prove", proof)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.qualify._measured", measured)
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.use._begin", used)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
     return seen
 
@@ -105,6 +110,16 @@ def not_tried(_at: Laptop) -> str:
         {"prove": AllowListTestResult(None, findings=(tried, untried))}
     )
     return "\n".join(one.hint for one in judged.findings if one.hint)
+
+
+def idle(_at: Laptop) -> str:
+    """Of the VPN, while another link carries the traffic."""
+    return "\n".join(finding.hint or "" for attempt, finding in prove(Fake()).judged if attempt.name == "VPN server")
+
+
+def asked_by_rows(_at: Laptop) -> str:
+    hints = [finding.hint or "" for attempt, finding in prove(Fake()).judged if attempt.target.endswith(" udp 123")]
+    return hints[0]
 
 
 def rows_that_stay(_at: Laptop) -> str:
@@ -157,6 +172,18 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
         "provision qualify site={} link={}",
         7,
         ["coastal-router satellite"],
+    ),
+    "the VPN over an idle satellite": (
+        idle,
+        "`provision use site=… link={} for=10m --unproved` puts it in use; then type the same again",
+        7,
+        ["coastal-router 600 True"],
+    ),
+    "the time over an idle satellite": (
+        asked_by_rows,
+        "`provision prove site=… --try-all` tries it",
+        7,
+        ["coastal-router True None"],
     ),
     "not tried": (not_tried, "`provision prove site={} --try-all`", 7, ["coastal-router True None"]),
     "rows that stay": (

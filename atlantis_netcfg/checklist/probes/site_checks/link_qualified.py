@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     fail,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from datetime import datetime
 
-    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.qualify.record import QualifyRecord
@@ -79,8 +79,11 @@ class _LinkQualified:
         if record.run.emulated and not answer.rehearsed:
             message = f"the measurement of {self.bearer.name} was of an emulated link"
             return Judged((unknown("emulated", message, again),))
-        wrong = [*self._wrong(record, answer.now, rehearsed=answer.rehearsed)]
-        return Judged((*wrong,) or (self._fine(record, answer.now),), tuple(_evidence(record)))
+        wrong = (*self._wrong(record, answer.now, rehearsed=answer.rehearsed),)
+        if answer.rehearsed:  # the record is made up: it shows what a fault looks like, and is evidence of nothing
+            message = f"{self.bearer.name} was not measured: a rehearsed checklist measures no link"
+            return Judged(wrong or (BearerFinding(Verdict.SKIP, "not-measured", message),))
+        return Judged(wrong or (self._fine(record, answer.now),), tuple(_evidence(record)))
 
     def _wrong(self, record: QualifyRecord, now: datetime, *, rehearsed: bool) -> Iterator[BearerFinding]:
         """Everything that keeps it from passing, what failed first. What a rehearsal makes up is kept nowhere."""
@@ -124,10 +127,7 @@ class _LinkQualified:
     def _fine(self, record: QualifyRecord, now: datetime) -> BearerFinding:
         count, age = len(record.judgements), (now - record.run.begun).days
         since = "today" if age < 1 else "yesterday" if age == 1 else f"{age} days ago"
-        emulated = ", over an emulated link" if record.run.emulated else ""
-        message = (
-            f"{self.bearer.name} holds all {count} criteria of `{record.thresholds_name}`, measured {since}{emulated}"
-        )
+        message = f"{self.bearer.name} holds all {count} criteria of `{record.thresholds_name}`, measured {since}"
         return good("qualified", message)
 
 

@@ -1,6 +1,6 @@
-"""A measurement of a link as a rehearsal shows it: made up, of an emulated link, and judged as a real one is.
+"""A made-up measurement of a link, with which a rehearsed checklist shows what a fault of the link looks like.
 
-No packet was sent for it, and the item says that the link is emulated. `provision qualify --rehearse` measures one.
+No packet was sent for it: it never passes. `provision qualify --rehearse` measures an emulated link.
 """
 
 from __future__ import annotations

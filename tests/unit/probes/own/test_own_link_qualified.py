@@ -234,21 +234,24 @@ def test_it_is_judged_by_what_is_declared_now(tmp_path: Path) -> None:
     assert record.run.thresholds_name == "satellite"
 
 
-def test_a_rehearsal_says_that_its_link_is_emulated() -> None:
+def test_a_rehearsal_measures_no_link_and_calls_none_good() -> None:
+    """What is made up shows a fault; it never passes, and is evidence of nothing."""
     world = healthy(SHIPPED, "coastal")
     world.link("4g", age=timedelta(days=60))
     world.link("wifi-ptp", slower=1.5)
     request = Request(state=Path("/EXAMPLE"), mode=Mode.DRIFT, rehearsed=True)
     ears = RehearsedEars(RealEars(SHIPPED, "coastal", request), None, (), "coastal", world.links)
-    for link, code in (("satellite", "qualified"), ("4g", "stale"), ("wifi-ptp", "beyond-the-limit")):
+    for link, code in (("satellite", "not-measured"), ("4g", "stale"), ("wifi-ptp", "beyond-the-limit")):
         probe = item(declared(), link).probe
         assert probe is not None
         (question,) = probe.asks()
         found = asyncio.run(ears.ask(Place.LAPTOP, None, [("key", question)], lambda *_: None))
         result = probe.judge({"record": found["key"]})
         assert [each.code for each in result.findings] == [code]
-        if code == "qualified":
-            assert result.findings[0].message.endswith("measured yesterday, over an emulated link")
+        assert result.evidence == ()
+        if code == "not-measured":
+            assert result.verdict is Verdict.SKIP
+            assert result.findings[0].message == "satellite was not measured: a rehearsed checklist measures no link"
         else:
             assert result.findings[0].hint == f"`provision qualify site=coastal link={link}` measures it", (
                 "none is kept"

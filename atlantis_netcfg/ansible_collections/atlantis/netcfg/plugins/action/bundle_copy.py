@@ -78,14 +78,16 @@ class ActionModule(ZipappAction):
 
     def _refuse_unpaid(self, size: int, variables: dict[str, Any]) -> None:
         """Hold that a person pays for what goes over a metered link."""
-        from atlantis_netcfg.operations.request import consent  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.costs import accepting  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.request import PLAIN_ANSIBLE, of_variables  # noqa: PLC0415 - as above
 
         metered = self._task.args.get("metered")
-        if metered and not consent(variables).get("accept_cost", self._task.args.get("accept_cost", False)):
+        if metered and not of_variables(variables).get("accept_cost", self._task.args.get("accept_cost", False)):
+            command = (variables.get("atlantis_request") or {}).get("command", PLAIN_ANSIBLE)
             raise AnsibleActionFail(
                 f"{_size(size)} of the bundle would go over {metered}, which is paid by the byte,"
                 " and nobody has agreed to pay: nothing was sent\n"
-                "type the same with `--accept-cost`, or go over another link: `via=lan`"
+                f"type the same with {accepting(command)}, or go over another link: `via=lan`"
             )
 
     def _send(

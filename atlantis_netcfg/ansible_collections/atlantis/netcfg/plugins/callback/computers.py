@@ -7,6 +7,8 @@ ansible.cfg, so that plain `ansible-playbook` is guarded likewise.
 
 from __future__ import annotations
 
+import atexit
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 from ansible import context
@@ -15,6 +17,9 @@ from ansible.plugins.callback import CallbackBase
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.engine_action import inventory_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.computers._watch import Watch
 
 DOCUMENTATION = """
@@ -41,46 +46,67 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
     def __init__(self) -> None:
         super().__init__()
         self._watch: Watch | None = None
-        self._is_read = False
+        self._emulators = ExitStack()
+
+    def v2_playbook_on_start(self, playbook: Any) -> None:  # noqa: ANN401
+        """Read what is declared, and start emulated devices where a person has asked for a rehearsal.
+
+        What a callback raises is a warning to Ansible, and goes on; SystemExit is not caught.
+        """
+        from atlantis_netcfg.core.errors import NetcfgError  # noqa: PLC0415 - Ansible imports every plugin
+
+        play = playbook.get_plays()[0]
+        try:
+            self._begin(play.get_variable_manager(), play)
+        except NetcfgError as error:
+            self._display.error("\n".join(filter(None, (str(error), error.hint))), wrap_text=False)
+            raise SystemExit(int(error.exit)) from error
 
     def v2_playbook_on_play_start(self, play: Any) -> None:  # noqa: ANN401
         """A play begins: one over computers is watched from here to the end of the playbook."""
         manager = play.get_variable_manager()
-        if not self._is_read:
-            self._is_read = True
-            self._hold_declaration(manager, play)
         hosts = manager._inventory.get_hosts(play.hosts)  # noqa: SLF001 - a callback is not told in another way
         over = {name for pattern in play.hosts for name in pattern.split(":")}
         if self._watch is not None or not over.intersection(GROUPS) or not hosts:
             return
         from atlantis_netcfg.operations.computers._watch import Watch  # noqa: PLC0415 - Ansible imports every plugin
         from atlantis_netcfg.operations.play_control import when_cut_off  # noqa: PLC0415 - as above
-        from atlantis_netcfg.operations.request import Request, consent  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.request import Request, of_variables  # noqa: PLC0415 - as above
 
         variables = manager.get_vars(play=play, host=hosts[0])
-        request = Request.model_validate({**(variables.get("atlantis_request") or {}), **consent(variables)})
+        request = Request.model_validate(of_variables(variables))
         self._watch = Watch(inventory_of(variables), request, plan_only=bool(context.CLIARGS.get("check")))
         when_cut_off(self._watch.cut_off)
         self._watch.begin([host.name for host in hosts])
 
-    def _hold_declaration(self, manager: Any, play: Any) -> None:  # noqa: ANN401
-        """End before the first task where the declaration has an error, such as a template in a connection variable.
+    def _begin(self, manager: Any, play: Any) -> None:  # noqa: ANN401
+        """Refuse a declaration with an error before the first task, such as a template in a connection variable.
 
         Of a task Ansible evaluates the variables of the connection first, and only then starts our action, which would
-        have refused them. What a callback raises is a warning to Ansible, and goes on; SystemExit is not caught.
+        have refused them.
         """
-        hosts = manager._inventory.get_hosts()  # noqa: SLF001 - as below
-        folder = inventory_of(manager.get_vars(play=play, host=hosts[0])) if hosts else None
-        if folder is None or not folder.is_dir():
+        hosts = manager._inventory.get_hosts()  # noqa: SLF001 - a callback is not told in another way
+        variables = manager.get_vars(play=play, host=hosts[0]) if hosts else {}
+        if not hosts or not inventory_of(variables).is_dir():
             return
-        from atlantis_netcfg.core.errors import NetcfgError  # noqa: PLC0415 - as below
-        from atlantis_netcfg.operations.request import declaration_of  # noqa: PLC0415 - as below
+        from atlantis_netcfg.operations.request import REHEARSED, declaration_of, of_variables  # noqa: PLC0415 - as above
 
-        try:
-            declaration_of(folder)
-        except NetcfgError as error:
-            self._display.error("\n".join(filter(None, (str(error), error.hint))), wrap_text=False)
-            raise SystemExit(int(error.exit)) from error
+        declaration = declaration_of(inventory_of(variables))
+        if REHEARSED in variables and not variables.get("atlantis_request") and of_variables(variables)["rehearsed"]:
+            self._rehearse(manager, declaration, [declaration.hosts[host.name] for host in hosts])
+
+    def _rehearse(self, manager: Any, declaration: Declaration, hosts: Sequence[Host]) -> None:  # noqa: ANN401
+        """Start emulated devices, which end with the playbook, and leave out the hosts that nothing stands for."""
+        from atlantis_netcfg.operations.rehearsal import rehearsal  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.request import Request  # noqa: PLC0415 - as above
+
+        twins = self._emulators.enter_context(rehearsal(declaration, hosts))
+        atexit.register(self._emulators.close)
+        for name, why in twins.left_out.items():
+            self._display.warning(f"not rehearsed: {name}: {why}")
+        manager._inventory.subset(",".join(host.name for host in hosts if host.name not in twins.left_out))  # noqa: SLF001
+        request = Request(rehearsed=True, **twins.request_fields)
+        manager.extra_vars["atlantis_request"] = request.model_dump(mode="json", exclude_defaults=True)
 
     def v2_runner_on_start(self, host: Any, task: Any) -> None:  # noqa: ANN401
         """One line of progress."""
@@ -107,3 +133,4 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         if self._watch is not None:
             self._watch.end({*stats.failures, *stats.dark})
             self._watch = None
+        self._emulators.close()

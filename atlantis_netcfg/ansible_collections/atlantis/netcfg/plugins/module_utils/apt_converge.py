@@ -245,7 +245,8 @@ class AptConvergence:
         why = f" ({self.desired.limit_words})" if self.desired.limit_words else ""
         return ModuleError(
             f"{what}; {in_words(self.desired.limit_bytes or 0)} are agreed{why}. Nothing was downloaded for it",
-            "type the same with --accept-cost; or bring the packages: `provision bundle site=…`, then `--offline`",
+            "type the same with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true); or bring the packages:"
+            " `provision bundle site=…`, then `--offline`",
         )
 
     def _update(self) -> None:

@@ -11,7 +11,7 @@ from ansible.errors import AnsibleActionFail
 from ansible.parsing.vault import VaultLib, VaultSecretsContext
 from ansible.plugins.action import ActionBase
 
-from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.errors import REHEARSE, NetcfgError
 from atlantis_netcfg.core.worker import end_if_orphaned, end_with_parent
 
 if TYPE_CHECKING:
@@ -55,23 +55,23 @@ class EngineAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Do what is asked; an error of ours is told in its own words, with its hint."""
         from atlantis_netcfg.core.printable import lines  # noqa: PLC0415 - as above
-        from atlantis_netcfg.operations.request import consent  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations import request  # noqa: PLC0415 - Ansible imports every action plugin
 
         end_with_parent()
         result: dict[str, Any] = super().run(tmp, task_vars)
         variables = task_vars or {}
-        requested = TaskRequest(
-            inventory_of(variables),
-            tuple(variables["ansible_play_hosts"]),
-            {**(self._task.args.get("request") or {}), **consent(variables)},
-            bool(self._task.check_mode),
-            str(self._task.args.get("part") or ""),
-        )
         try:
+            requested = TaskRequest(
+                inventory_of(variables),
+                tuple(variables["ansible_play_hosts"]),
+                request.of_variables({**variables, "atlantis_request": self._task.args.get("request")}),
+                bool(self._task.check_mode),
+                str(self._task.args.get("part") or ""),
+            )
             result.update(self.perform(requested))
         except NetcfgError as error:
-            hint = f"\n{error.hint}" if error.hint else ""
-            raise AnsibleActionFail(lines(f"{error}{hint}")) from error
+            hint = f"\n{error.hint}".replace(REHEARSE, f"add `-e {request.REHEARSED}=true`") if error.hint else ""
+            raise AnsibleActionFail(lines(f"{error}{hint}")) from None  # Ansible would tell the cause again
         finally:
             end_if_orphaned()
         return result
