@@ -285,6 +285,39 @@ def offered(menu: str, argument: str) -> tuple[str, ...]:
     return tuple(value for value in found if value not in ("!", ",", "!,"))
 
 
+_NAMING = (("get", "number"), ("print", "from"), ("set", "numbers"))
+"""Commands and arguments by whose offer the console tells which rows a menu has."""
+_NO_ROW = frozenset({"", "all", "any", "global", "no-queue", "none"})
+"""Words that stand beside the names of rows."""
+
+
+@cache
+def recorded_rows() -> Mapping[str, frozenset[str]]:
+    """Return the names of the rows that the recorded router had, by menu."""
+    rows: dict[str, frozenset[str]] = {}
+    for place, words in _load("7.21.5.values.json.gz").items():
+        path, _, argument = place.rpartition(" ")
+        menu, _, command = path.rpartition("/")
+        if (command, argument) in _NAMING:
+            rows[menu] = rows.get(menu, frozenset()) | frozenset(words)
+    return rows
+
+
+def described(menu: str, argument: str) -> str:
+    """Return what the tree of 7.21.5 says of the values of an argument: `A.B.C.D    (IP address)`; often nothing."""
+    node: Any = _tree("7.21.5")
+    for part in menu.strip("/").split("/"):
+        node = node.get(part, {})
+    found = (node[command][argument] for command in _CHANGE if argument in node.get(command, {}))
+    return str(next((each.get("desc", "") for each in found), ""))
+
+
+def menus_named(menu: str, argument: str) -> tuple[str, ...]:
+    """Return the menus whose rows an argument may name: the words offered for it were the names of all their rows."""
+    names = frozenset(offered(menu, argument)) - _NO_ROW
+    return tuple(path for path, rows in recorded_rows().items() if names and rows - _NO_ROW == names)
+
+
 @cache
 def needed(version: str, menu: str) -> tuple[str, ...] | str:
     """Return the arguments without which `add` is refused, or the words said to an `add` with no argument at all.

@@ -317,8 +317,8 @@ def _decoded(found: list[str]) -> str:
 
 
 _SEGMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
-_NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)|\.[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
-_UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
+_NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._/-]*(?==)|\.[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
+_UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._/-]*(?=[\s\]]|$)")
 _PUT = re.compile(r":put(?=\s)")
 _ERROR = re.compile(r":error(?=\s)")
 _DO = re.compile(r":do(?=\s|\{)")
@@ -351,6 +351,7 @@ _POSITIONAL = {
     "get": ("number", "value-name"),
     "import": ("file-name",),
     "sign": ("number",),
+    "run": ("number",),
     "ping": ("address",),
 }
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
-from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument
+from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, check_known
 from atlantis_netcfg.emulator.routeros.commands.read import Where, all_rows, fits, select
 from atlantis_netcfg.emulator.routeros.console._parse import (
     ConsoleError,
@@ -283,6 +283,7 @@ class _Runner:
             return self._returned(value)
         found = self._found(value)
         if not found:
+            check_known(self.core, value.menu)
             raise Trap("expected item id")
         return ",".join(found)
 
