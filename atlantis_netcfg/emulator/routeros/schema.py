@@ -11,7 +11,8 @@ What is known of versions below 7.16 (`BOUNDARIES`), and what is not:
   the menus that the emulator models, for whole menus, and for what our engine sends; below 7.15 one tree for each minor
   version was published, so that the patch is uncertain.
 * 6.49 and 7.0 to 7.8: no tree was published. Rows marked `MANUAL` and `EXPORT` say what is known to be newer than
-  RouterOS 6; everything else is taken to be as in 7.16, which it surely is not.
+  RouterOS 6; everything else is taken to be as in 7.16, which it surely is not. A menu that is not in that tree is not
+  rehearsed there, and no refusal of RouterOS 6 but those that adoption may meet (`console/run.py`).
 
 What no tree can know (`ADDED`, `BOARD_FEATURES`, `PACKAGE_MENUS`): hardware that a Cloud Hosted Router lacks, and
 packages. Sources: Manual, CLI reference (`/interface/ethernet`, `poe`, `/system/routerboard`); Manual, Packages.
@@ -141,8 +142,10 @@ UNSEEN = (
     "/zerotier",
 )
 """Menus of boards that exports (7.1 to 7.23) hold and no published tree shows; each board has some of them."""
-UNSEEN_6 = ("/system/lcd", "/tool/user-manager")
-"""Menus of RouterOS 6 that its exports hold; no tree of that version is published."""
+UNSEEN_UNTIL = {"/interface/wifiwave2": "7.13"}
+"""Menus that exports hold and that went, with the version that lacks them first."""
+OLDEST_TREE = "7.9"
+"""The oldest version of which a command tree was published: what an older one has beside it, nobody can say."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -198,6 +198,24 @@ CASES: list[tuple[str, str, str | None]] = [
     ("7.18.2", "/system console set [ find vcno=1 ] term=linux", "not rehearsed by the twin: rows of /system/console"),
     ("7.18.2", "/system leds set 0 type=on", "not rehearsed by the twin: rows of /system/leds"),
     ("7.18.2", "/ip ipsec peer set nobody disabled=yes", "no such item"),
+    # Below 7.9 no command tree was published; of RouterOS 6 only what adoption changes is known.
+    ("6.49.2", "/routing bgp instance set default as=65530", "not rehearsed by the twin: /routing/bgp/instance"),
+    (
+        "6.49.2",
+        "/system ntp client set primary-ntp=192.0.2.1",
+        "not rehearsed by the twin: RouterOS 6: expected end of command (line 1 column 24)",
+    ),
+    (
+        "6.49.2",
+        "/interface ovpn-server server set cipher=aes128",
+        "not rehearsed by the twin: RouterOS 6: input does not match any value of cipher",
+    ),
+    ("6.49.2", "/ip firewall filter add action=drop chain=input disabled=no", None),
+    ("6.49.2", "/user add group=full name=admin password=x", "failure: user with the same name already exists"),
+    ("6.49.2", "/ip service set nobody disabled=yes", "no such item"),
+    ("7.1", "/interface wifiwave2 set wifi1 disabled=no", "not rehearsed by the twin: /interface/wifiwave2"),
+    ("7.12", "/interface wifiwave2 set wifi1 disabled=no", "not rehearsed by the twin: /interface/wifiwave2"),
+    ("7.13", "/interface wifiwave2 set wifi1 disabled=no", "bad command name wifiwave2 (line 1 column 12)"),
     # What comes with disks, switch chips and buttons.
     ("7.18", "/disk set slot1 slot=slot1", "not rehearsed by the twin: rows of /disk"),
     (

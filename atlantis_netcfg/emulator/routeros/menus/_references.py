@@ -11,8 +11,9 @@ from itertools import takewhile
 from atlantis_netcfg.emulator.routeros.schema import described, menus_named, offered, recorded_rows
 from atlantis_netcfg.emulator.routeros.values import Ref, Refs
 
-_INTERFACE, _LIST, _FILE, _QUEUES, _LOOPBACK = "/interface", "/interface/list", "/file", "/queue/type", "lo"
-_DEVICES = (_FILE, _INTERFACE, "/port")
+_INTERFACE, _LIST, _QUEUES, _LOOPBACK = "/interface", "/interface/list", "/queue/type", "lo"
+_DEVICES = ("/file", "/port")
+"""Menus whose rows are not all there is: folders that will be made, modems."""
 _SPACES = {"/routing/table": "table"}
 """Names that rows of several menus share."""
 
@@ -45,13 +46,13 @@ def reference(path: str, name: str) -> Ref | None:
 
 def names_rows(path: str, name: str) -> bool:
     """Tell whether rows, files or devices of the recorded router stand among the words offered for an argument."""
-    devices = frozenset[str]().union(*(recorded_rows()[menu] for menu in _DEVICES))
+    devices = recorded_rows()[_INTERFACE].union(*(recorded_rows()[menu] for menu in _DEVICES))
     return bool(menus_named(path, name)) or not devices.isdisjoint(offered(path, name))
 
 
 def _menu(path: str, name: str) -> str | None:
     menus = menus_named(path, name)
-    if _FILE in menus or "address" in described(path, name):
+    if set(_DEVICES) & set(menus) or "address" in described(path, name):
         return None
     if len(menus) == 1:
         return menus[0]
