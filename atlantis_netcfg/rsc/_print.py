@@ -242,8 +242,10 @@ class _Page:
 
 VOLATILE_COMMENTS: tuple[str, ...] = (
     r"poe-out status: .*",
-    r"managed by CAPsMAN(?: .*)?",
+    r"(?:managed by CAPsMAN|operated by CAP)(?: .*)?",
     r"channel: .*",
+    r"mode: \w+, SSID: .*",
+    r"disabled",
     r"Interface not active",
     r".+ not ready",
     r"inactive time",

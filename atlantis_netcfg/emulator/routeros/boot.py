@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.access import allowed
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.commands._checks import mac_of
+from atlantis_netcfg.emulator.routeros.commands.write import QUEUES, queue_row
 from atlantis_netcfg.emulator.routeros.console.run import run_file, run_script
 from atlantis_netcfg.emulator.routeros.menus import BUILT_IN, INTERFACES, MODELLED, EmulatedMenu, Shape
 from atlantis_netcfg.emulator.routeros.store import StoredItem
@@ -180,6 +181,7 @@ def boot(core: Core) -> None:
     _radios(core)
     _modem(core)
     _loopback(core)
+    _queues(core)
     _people(core)
     if core.spec.factory:
         _seed(core, default_configuration(core.spec) + core.spec.seed)
@@ -196,7 +198,8 @@ def _factory(core: Core, menu: EmulatedMenu) -> None:
     if menu.shape is Shape.SETTINGS:
         table.items.append(StoredItem(menu.first_id, {}, dict(menu.factory[0]) if menu.factory else {}))
     for row in menu.factory if menu.shape is not Shape.SETTINGS else ():
-        table.items.append(StoredItem(core.store.new_id(menu.path), {}, dict(row), dynamic=menu.factory_dynamic))
+        number = int(row[".id"][1:], 16) if ".id" in row else core.store.new_id(menu.path)
+        table.items.append(StoredItem(number, {}, dict(row), dynamic=menu.factory_dynamic))
     for item in table.items:
         known = {name: value for name, value in (item.factory or {}).items() if name in {*table.args, "name"}}
         item.values = {name: _parse(core, menu, name, value) for name, value in known.items()}
@@ -246,6 +249,12 @@ def _loopback(core: Core) -> None:
     if core.schema.at_least("7.16"):
         row = {"name": "lo"}
         core.store.table("/interface").items.append(StoredItem(_LOOPBACK_ID, dict(row), row, dynamic=True))
+
+
+def _queues(core: Core) -> None:
+    for path in (*INTERFACES, "/interface"):
+        for item in core.store.table(path).items:
+            queue_row(core, core.store.table(QUEUES), item.values["name"])
 
 
 def _people(core: Core) -> None:

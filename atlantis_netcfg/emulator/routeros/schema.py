@@ -11,7 +11,8 @@ What is known of versions below 7.16 (`BOUNDARIES`), and what is not:
   the menus that the emulator models, for whole menus, and for what our engine sends; below 7.15 one tree for each minor
   version was published, so that the patch is uncertain.
 * 6.49 and 7.0 to 7.8: no tree was published. Rows marked `MANUAL` and `EXPORT` say what is known to be newer than
-  RouterOS 6; everything else is taken to be as in 7.16, which it surely is not.
+  RouterOS 6; everything else is taken to be as in 7.16, which it surely is not. A menu that is not in that tree is not
+  rehearsed there, and no refusal of RouterOS 6 but those that adoption may meet (`console/run.py`).
 
 What no tree can know (`ADDED`, `BOARD_FEATURES`, `PACKAGE_MENUS`): hardware that a Cloud Hosted Router lacks, and
 packages. Sources: Manual, CLI reference (`/interface/ethernet`, `poe`, `/system/routerboard`); Manual, Packages.
@@ -141,8 +142,10 @@ UNSEEN = (
     "/zerotier",
 )
 """Menus of boards that exports (7.1 to 7.23) hold and no published tree shows; each board has some of them."""
-UNSEEN_6 = ("/system/lcd", "/tool/user-manager")
-"""Menus of RouterOS 6 that its exports hold; no tree of that version is published."""
+UNSEEN_UNTIL = {"/interface/wifiwave2": "7.13"}
+"""Menus that exports hold and that went, with the version that lacks them first."""
+OLDEST_TREE = "7.9"
+"""The oldest version of which a command tree was published: what an older one has beside it, nobody can say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,6 +286,39 @@ def offered(menu: str, argument: str) -> tuple[str, ...]:
     values = _load("7.21.5.values.json.gz")
     found = values.get(f"{menu}/add {argument}") or values.get(f"{menu}/set {argument}") or []
     return tuple(value for value in found if value not in ("!", ",", "!,"))
+
+
+_NAMING = (("get", "number"), ("print", "from"), ("set", "numbers"))
+"""Commands and arguments by whose offer the console tells which rows a menu has."""
+_NO_ROW = frozenset({"", "all", "any", "global", "no-queue", "none"})
+"""Words that stand beside the names of rows."""
+
+
+@cache
+def recorded_rows() -> Mapping[str, frozenset[str]]:
+    """Return the names of the rows that the recorded router had, by menu."""
+    rows: dict[str, frozenset[str]] = {}
+    for place, words in _load("7.21.5.values.json.gz").items():
+        path, _, argument = place.rpartition(" ")
+        menu, _, command = path.rpartition("/")
+        if (command, argument) in _NAMING:
+            rows[menu] = rows.get(menu, frozenset()) | frozenset(words)
+    return rows
+
+
+def described(menu: str, argument: str) -> str:
+    """Return what the tree of 7.21.5 says of the values of an argument: `A.B.C.D    (IP address)`; often nothing."""
+    node: Any = _tree("7.21.5")
+    for part in menu.strip("/").split("/"):
+        node = node.get(part, {})
+    found = (node[command][argument] for command in _CHANGE if argument in node.get(command, {}))
+    return str(next((each.get("desc", "") for each in found), ""))
+
+
+def menus_named(menu: str, argument: str) -> tuple[str, ...]:
+    """Return the menus whose rows an argument may name: the words offered for it were the names of all their rows."""
+    names = frozenset(offered(menu, argument)) - _NO_ROW
+    return tuple(path for path, rows in recorded_rows().items() if names and rows - _NO_ROW == names)
 
 
 @cache

@@ -239,8 +239,8 @@ class RowStore:
     # --- names -----------------------------------------------------------------------------------------------------
 
     def space_tables(self, space: str) -> Iterator[Table]:
-        """Yield the tables whose rows a space holds."""
-        for path in _SPACE_MENUS.get(space, ()):
+        """Yield the tables whose rows a space holds; the path of a menu stands for its rows."""
+        for path in (space,) if space.startswith("/") else _SPACE_MENUS.get(space, ()):
             yield self.table(path)
         for path, table in list(self.tables.items()):
             if table.menu.space == space and path not in _SPACE_MENUS.get(space, ()):

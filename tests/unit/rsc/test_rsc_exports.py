@@ -15,7 +15,8 @@ from atlantis_netcfg.rsc import Export, RscError, drop_volatile, is_volatile, pa
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
-FOLDERS = (HERE / "golden", ROOT / "tests" / "data" / "exports", ROOT.parent / "shared" / "data" / "routeros-exports")
+BESIDE = ROOT.parent / "shared" / "data"
+FOLDERS = (HERE / "golden", ROOT / "tests" / "data" / "exports", BESIDE / "routeros-exports", BESIDE / "public-exports")
 """Ours, and where exports of other people's devices are put; `.in.rsc` are texts that no device prints like that."""
 VERSIONS = ("6.49.18", "7.12.2", "7.16", "7.18.2", "7.21.5")
 FORMS = ("compact", "verbose", "terse")

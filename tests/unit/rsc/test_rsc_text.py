@@ -126,6 +126,11 @@ def test_comments_stay_where_they_were() -> None:
     [
         "poe-out status: short_circuit",
         "managed by CAPsMAN",
+        "managed by CAPsMAN 192.0.2.1, traffic processing on CAP",
+        "operated by CAP 192.0.2.6, traffic processing on CAP",
+        "mode: AP, SSID: test, channel: 5180/ax/Ce/I",
+        "mode: AP, SSID: guest",
+        "disabled",
         "channel: 5220/20-Ce/ac/P(15dBm), SSID: x, CAPsMAN forwarding",
         "Interface not active",
         "pppoe-out1 not ready",

@@ -26,7 +26,9 @@ _MODEL = re.compile(r"^# model = (\S+)", re.MULTILINE)
 _PORT = re.compile(r"(?<![\w-])(?:ether|sfp|sfp-sfpplus|sfp28-|sfpplus|qsfpplus|qsfp28-|combo)\d+(?:-\d+)?(?![\w-])")
 _RADIO = re.compile(r"(?<![\w-])default-name=(w(?:lan|ifi)\d+)")
 _CERTIFICATE = re.compile(r"(?<![\w-])certificate=([^\s\"]+)")
-_MODEM = re.compile(r"default-name=(lte\d+)")
+_MODEM = re.compile(
+    r"default-name=(lte\d+)|^/interface lte\n(?:#.*\n)*set \[ find \](?:[^\n]*\\\n)*[^\n]* name=(lte\d+)", re.MULTILINE
+)
 _BY_ID = re.compile(r"=!?\*[0-9A-F]+\b")
 _PATH = re.compile(r"/[a-z0-9][a-z0-9 /-]*$")
 _COMMAND = re.compile(r"^(/[a-z0-9][a-z0-9 /-]*?) (?=(?:add|set|remove|unset|enable|disable|print)(?:\s|$))")
@@ -128,7 +130,7 @@ def spec_of(text: str) -> RouterSpec:
         ports=ports,
         poe_ports=ports if model else (),
         radios=tuple(Radio(name=name) for name in radios),
-        modem=ModemSpec(name=modem[1]) if modem else None,
+        modem=ModemSpec(name=modem[1] or modem[2]) if modem else None,
         packages=("routeros", *sorted(packages)),
         management=ManagementSpec(port=ports[-1]),
         certificates=tuple(dict.fromkeys({*_CERTIFICATE.findall(text.replace("\\\n    ", ""))} - {"none"})),

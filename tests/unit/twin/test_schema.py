@@ -8,6 +8,7 @@ import pytest
 from row_subtests import for_each_row
 
 from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, MODELLED, Shape
+from atlantis_netcfg.emulator.routeros.menus._references import reference
 from atlantis_netcfg.emulator.routeros.schema import TREES, Schema, features_of, offered, version_key
 
 EVERYTHING = frozenset({"poe", "routerboard"})
@@ -192,6 +193,23 @@ def test_shapes_are_those_of_the_tree(path: str) -> None:
 
 def test_every_exported_menu_has_its_place() -> None:
     assert {path for path, menu in MODELLED.items() if menu.exported} == set(EXPORT_ORDER)
+
+
+def test_arguments_that_name_rows_are_told_by_what_was_offered() -> None:
+    named = {
+        ("/queue/tree", "queue"): ("/queue/type",),
+        ("/ip/hotspot", "profile"): ("/ip/hotspot/profile",),
+        ("/ip/hotspot/user", "profile"): ("/ip/hotspot/user/profile",),
+        ("/ip/ipsec/identity", "policy-template-group"): ("/ip/ipsec/policy/group",),
+        ("/routing/bgp/connection", "templates"): ("/routing/bgp/template",),
+        ("/interface/bridge/vlan", "tagged"): ("interface", "list"),
+        ("/interface/vlan", "interface"): ("interface",),
+        ("/interface/detect-internet", "wan-interface-list"): ("list",),
+    }
+    assert {argument: reference(*argument).spaces for argument in named} == named  # type: ignore[union-attr]
+    words = ("system/logging/action target", "interface/vlan loop-protect", "ppp/profile use-encryption")
+    free = ("routing/ospf/instance router-id", "ip/hotspot/profile html-directory", "interface/gre6 remote-address")
+    assert [reference(f"/{menu}", name) for menu, name in map(str.split, (*words, *free))] == [None] * 6
 
 
 def test_offered_values() -> None:

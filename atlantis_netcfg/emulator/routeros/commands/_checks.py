@@ -44,6 +44,13 @@ def no_such_item() -> Trap:
     return Trap("no such item", Category.MISSING)
 
 
+def check_known(core: Core, menu: str) -> None:
+    """Say of rows that come with the board that the twin does not know them. Raises Trap."""
+    table = core.store.table(menu)
+    if table.menu.of_the_board and not table.items:
+        raise Trap(f"not rehearsed by the twin: rows of {menu}")
+
+
 def unknown(name: str) -> Trap:
     """Say that the command has no such argument."""
     return Trap(f"unknown parameter {name}")
@@ -213,8 +220,8 @@ def _route(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> 
 
 
 def _virtual(_core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
-    """A row beside the radios of the board is a virtual one, on top of one of them."""
-    if item is None and "master-interface" not in values:
+    """A row beside the radios of the board is a virtual one on top of one of them, or the radio of an access point."""
+    if item is None and not {"master-interface", "radio-mac"} & values.keys():
         raise Trap("failure: master interface not specified")
 
 

@@ -102,6 +102,8 @@ def _handler(core: Core, call: Call) -> tuple[Handler, str]:
     if special is None and call.command == "add":
         write.check_needed(core, call, call.arguments)
     if special is None:
+        if call.menu not in COMPUTED:
+            write.check_rows(core, call)
         raise Trap(f"not rehearsed by the twin: {call.path}")
     return special
 

@@ -10,23 +10,28 @@ from atlantis_netcfg.emulator.routeros.commands import _checks
 from atlantis_netcfg.emulator.routeros.commands._checks import (
     MissingArgument,
     check,
+    check_known,
     check_removal,
     complete,
     no_such_item,
     unknown,
 )
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
-from atlantis_netcfg.emulator.routeros.menus import OF_THE_BOARD, Shape
+from atlantis_netcfg.emulator.routeros.menus import Shape
 from atlantis_netcfg.emulator.routeros.schema import needed
 from atlantis_netcfg.emulator.routeros.spec import Deviation
-from atlantis_netcfg.emulator.routeros.values import BadValue, id_text, seconds
+from atlantis_netcfg.emulator.routeros.store import StoredItem
+from atlantis_netcfg.emulator.routeros.values import BadValue, id_text, reference, seconds
 from atlantis_netcfg.emulator.routeros.views import made_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
+    from atlantis_netcfg.emulator.routeros.store import Table
 
+QUEUES = "/queue/interface"
+_QUEUES = {"/interface/ethernet": "only-hardware-queue", "/interface/wireless": "wireless-default"}
+"""What stands in `/queue/interface` of a factory-new router (verbose exports of 6.48 and 7.17)."""
 _SELECTORS = (".id", "numbers", "number")
 _BUILTIN = "failure: cannot change builtin"
 _PLACEMENT = ("copy-from", "place-before")
@@ -186,6 +191,13 @@ def move(core: Core, call: Call) -> CallResult:
     return CallResult()
 
 
+def check_rows(core: Core, call: Call) -> None:
+    """Refuse a command that names rows which are not there."""
+    table = core.store.table(call.menu)
+    if table.menu.shape is not Shape.SETTINGS and not set(_SELECTORS).isdisjoint(call.arguments):
+        _selected(core, call, table)
+
+
 # --- which rows ----------------------------------------------------------------------------------------------------
 
 
@@ -211,14 +223,24 @@ def _selected(core: Core, call: Call, table: Table) -> list[StoredItem]:
 
 
 def _item(core: Core, call: Call, table: Table, named: str) -> StoredItem:
-    item = located(core, table, named, console=call.console)
+    item = located(core, table, named, console=call.console) or queue_row(core, table, named)
     if item is None:
         if any(row[".id"] == named for row in made_rows(core, call.menu)):
             raise Trap(_BUILTIN)
-        if call.menu in OF_THE_BOARD and not table.items:
-            raise Trap(f"not rehearsed by the twin: rows of {call.menu}")
+        check_known(core, call.menu)
         raise no_such_item()
     return item
+
+
+def queue_row(core: Core, table: Table, interface: str) -> StoredItem | None:
+    """Return the row of `/queue/interface` that belongs to an interface: each has one since it exists."""
+    number = core.store.id_of("interface", interface) if table.menu.path == QUEUES else None
+    if number is None:
+        return None
+    queue = next((_QUEUES[path] for path in _QUEUES if core.store.table(path).find(number) is not None), "no-queue")
+    values = {"interface": reference("interface", number), "queue": table.args["queue"].kind.parse(queue, core.store)}
+    table.items.append(StoredItem(core.store.new_id(QUEUES), values, {"interface": interface, "queue": queue}))
+    return table.items[-1]
 
 
 def located(core: Core, table: Table, named: str, *, console: bool = False) -> StoredItem | None:

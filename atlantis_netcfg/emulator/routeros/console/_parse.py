@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.commands.read import Condition, Where
-from atlantis_netcfg.emulator.routeros.schema import UNSEEN, UNSEEN_6
+from atlantis_netcfg.emulator.routeros.schema import OLDEST_TREE, UNSEEN, UNSEEN_UNTIL
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import BadValue, FlagValue
 
@@ -317,8 +317,9 @@ def _decoded(found: list[str]) -> str:
 
 
 _SEGMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
-_NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._-]*(?==)|\.[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
-_UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._-]*(?=[\s\]]|$)")
+_NAME = re.compile(r"!?[A-Za-z0-9][A-Za-z0-9._/-]*(?==)|\.[A-Za-z0-9][A-Za-z0-9._-]*(?==)")
+_UNSET = re.compile(r"![A-Za-z0-9][A-Za-z0-9._/-]*(?=[\s\]]|$)")
+_READS = re.compile(r"\b(?:export|find|get|monitor|print)\b")
 _PUT = re.compile(r":put(?=\s)")
 _ERROR = re.compile(r":error(?=\s)")
 _DO = re.compile(r":do(?=\s|\{)")
@@ -351,6 +352,7 @@ _POSITIONAL = {
     "get": ("number", "value-name"),
     "import": ("file-name",),
     "sign": ("number",),
+    "run": ("number",),
     "ping": ("address",),
 }
 
@@ -554,16 +556,18 @@ class Parser:
                 self._arguments(command)
                 return command
             else:
-                if self._unseen(below):
-                    raise ConsoleError(f"not rehearsed by the twin: {below}")
-                raise self._bad_command(word, start)
+                error = self._bad_command(word, start)
+                unseen = ConsoleError(f"not rehearsed by the twin: {below}", error.verdict)
+                raise unseen if self._unseen(below) else error
 
     def _unseen(self, path: str) -> bool:
         """Tell whether a device may have a menu of which no command tree is known."""
         schema = self.core.schema
-        return path in (UNSEEN if "routerboard" in schema.features else ()) or (
-            path in UNSEEN_6 and not schema.at_least("7.0")
-        )
+        on_board = path in (UNSEEN if "routerboard" in schema.features else ())
+        # What only reads is refused as a word that nobody has, as adoption asks older devices for newer menus.
+        rest = _REST.match(self.text.source, self.text.at)
+        reads = rest is not None and _READS.search(rest[0]) is not None
+        return on_board or not (reads or schema.at_least(UNSEEN_UNTIL.get(path, OLDEST_TREE)))
 
     def _whole(self, word: str, known: Collection[str]) -> str:
         """Return the word that is meant: a name may be cut short while only one begins like it.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed
 from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, Arg, Select, Shape
-from atlantis_netcfg.emulator.routeros.values import FlagValue, id_text, spell
+from atlantis_netcfg.emulator.routeros.values import FlagValue, id_text, references, spell
 from atlantis_netcfg.emulator.routeros.views import applies, factory_value
 from atlantis_netcfg.rsc import Export, Statement, print_export, print_statement
 
@@ -63,7 +63,44 @@ def _paths(core: Core, menu: str) -> list[str]:
     known = [path for path, table in core.store.tables.items() if table.menu.exported]
     desired = [path for path in known if menu in ("/", path) or path.startswith(f"{menu}/")]
     places = {path: place for place, path in enumerate(EXPORT_ORDER)}
-    return sorted(desired, key=lambda path: (places.get(path, _place(core, path)), path in places, path))
+    usual = sorted(desired, key=lambda path: (places.get(path, _place(core, path)), path in places, path))
+    return _after_what_they_name(core, usual)
+
+
+def _after_what_they_name(core: Core, usual: list[str]) -> list[str]:
+    """Put each menu behind those whose rows it names, so that an import finds them; else the usual order stays.
+
+    Exports of 7.15 have `/interface pppoe-client` behind the `/interface vlan` that it runs over.
+    """
+    order: dict[str, None] = {}
+
+    def put(path: str, above: tuple[str, ...] = ()) -> None:
+        named = _named(core, core.store.table(path))
+        for other in usual:
+            if other in named and other not in (*above, path, *order):
+                put(other, (*above, path))
+        order.setdefault(path)
+
+    for path in usual:
+        put(path)
+    return list(order)
+
+
+def _named(core: Core, table: Table) -> set[str]:
+    """Return the menus whose rows the exported rows of a table name."""
+    rows = {
+        row
+        for item in table.items
+        for name, stored in item.values.items()
+        for row in references(stored)
+        if not item.dynamic and (arg := table.args.get(name)) and _differs(table, item, arg, spell(stored, core.store))
+    }
+    return {
+        other.menu.path
+        for space, number in rows
+        for other in core.store.space_tables(space)
+        if other.find(number) is not None
+    }
 
 
 def _place(core: Core, path: str) -> int:
@@ -83,10 +120,10 @@ def _section(core: Core, path: str, *, verbose: bool, sensitive: bool) -> Iterat
         if item.factory is None and table.menu.shape is Shape.LIST:
             yield Statement(path, "add", values, comments=_comments(core, path))
         elif values:
-            yield _set(table, item, position, values)
+            yield _set(core, table, item, position, values)
 
 
-def _set(table: Table, item: StoredItem, position: int, values: Values) -> Statement:
+def _set(core: Core, table: Table, item: StoredItem, position: int, values: Values) -> Statement:
     path, factory = table.menu.path, item.factory or {}
     if table.menu.shape is Shape.SETTINGS:
         return Statement(path, "set", values)
@@ -96,7 +133,7 @@ def _set(table: Table, item: StoredItem, position: int, values: Values) -> State
     if select is Select.FIND_NAME:
         return Statement(path, "set", values, find=(("name", factory["name"]),))
     if select is Select.NAME:
-        return Statement(path, "set", values, target=factory["name"])
+        return Statement(path, "set", values, target=core.store.text(table, item, table.menu.called))
     return Statement(path, "set", values, target=str(position) if item.factory is not None else id_text(item.id))
 
 

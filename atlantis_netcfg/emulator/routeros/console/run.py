@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
-from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument
+from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, check_known
 from atlantis_netcfg.emulator.routeros.commands.read import Where, all_rows, fits, select
 from atlantis_netcfg.emulator.routeros.console._parse import (
     ConsoleError,
@@ -50,6 +50,12 @@ _COMPARE: dict[str, Callable[[int, int], bool]] = {
     ">=": operator.ge,
 }
 _PARSED_SCRIPTS = 64
+_ADOPTED = ("/certificate", "/file", "/interface/ethernet", "/ip/address", "/ip/service", "/system/identity", "/user")
+"""Menus that adoption changes."""
+_REFUSED = (
+    *("expected end of command", "expected item id", "failure: ", "input does not match any value", "invalid value"),
+    *("missing value", "no such item", "syntax error", "unknown parameter", "value of "),
+)
 _NUMBERS = frozenset({"destination", "number", "numbers"})
 
 
@@ -81,7 +87,7 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
     try:
         statements = core.script_cache.get(script) or list(Parser(core, TextPart(script)).statements())
     except ConsoleError as error:
-        outcome.error = str(error)
+        outcome.error = _told(core, str(error))
         return outcome
     if len(core.script_cache) >= _PARSED_SCRIPTS:
         core.script_cache.clear()
@@ -111,7 +117,7 @@ def run_line(
     try:
         statements = list(parser.statements())
     except ConsoleError as error:
-        outcome.error = str(error)
+        outcome.error = _told(core, str(error))
         return outcome, menu
     _run(core, caller, statements, outcome, width)
     return outcome, parser.menu
@@ -127,8 +133,17 @@ def run_file(core: Core, caller: Caller, text: str) -> ScriptOutcome:
             if outcome.error is not None:
                 break
     except ConsoleError as error:
-        outcome.error = str(error)
+        outcome.error = _told(core, str(error))
     return outcome
+
+
+def _told(core: Core, words: str, failed: MenuCommand | None = None) -> str:
+    """Return the words of a refusal; of RouterOS 6 only those that adoption may meet are known.
+
+    No command tree of it is published, so that a name or value which the oldest tree lacks may be one that it has.
+    """
+    known = core.schema.at_least("7.0") or (failed is not None and failed.menu in _ADOPTED)
+    return words if known or not words.startswith(_REFUSED) else f"not rehearsed by the twin: RouterOS 6: {words}"
 
 
 def check_syntax(core: Core, text: str) -> str | None:
@@ -153,9 +168,9 @@ def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words
         try:
             outcome.lines.extend(runner.run(statement))
         except MissingArgument as error:
-            outcome.error = error.console
+            outcome.error = _told(core, error.console, runner.failed)
         except Trap as error:
-            outcome.error = error.message
+            outcome.error = _told(core, error.message, runner.failed)
         outcome.paged = runner.paged
         if outcome.error is not None and not core.deviates(Deviation.SCRIPT_GOES_ON):
             break
@@ -283,6 +298,7 @@ class _Runner:
             return self._returned(value)
         found = self._found(value)
         if not found:
+            check_known(self.core, value.menu)
             raise Trap("expected item id")
         return ",".join(found)
 

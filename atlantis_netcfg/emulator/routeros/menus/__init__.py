@@ -17,7 +17,7 @@ from atlantis_netcfg.emulator.routeros.menus import (
     _wifi,
     _wireless,
 )
-from atlantis_netcfg.emulator.routeros.menus._generic import BUILT_IN, OF_THE_BOARD, generic, unmodelled
+from atlantis_netcfg.emulator.routeros.menus._generic import BUILT_IN, generic, unmodelled
 from atlantis_netcfg.emulator.routeros.menus._interface import OLD_WORDS
 from atlantis_netcfg.emulator.routeros.menus._model import Arg, EmulatedMenu, Select, Shape, Unique
 from atlantis_netcfg.emulator.routeros.menus._order import EXPORT_ORDER
@@ -28,7 +28,6 @@ __all__ = [
     "EXPORT_ORDER",
     "INTERFACES",
     "MODELLED",
-    "OF_THE_BOARD",
     "OLD_WORDS",
     "POLICIES",
     "Arg",

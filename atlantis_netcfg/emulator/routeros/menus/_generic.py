@@ -6,79 +6,37 @@ of which the list itself shows that it is only a part (numbers, addresses and na
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, EmulatedMenu, Shape, Unique
-from atlantis_netcfg.emulator.routeros.schema import Schema, offered
-from atlantis_netcfg.emulator.routeros.values import Bool, Choices, Int, Not, Ref, Refs, Text, ValueType
+from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, EmulatedMenu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._references import names_rows, references
+from atlantis_netcfg.emulator.routeros.schema import Schema, described, offered
+from atlantis_netcfg.emulator.routeros.values import Bool, Choices, Int, Not, Plausible, Ref, Text, ValueType
 
 _NOT_PROPERTIES = {"copy-from", "numbers", "place-before"}
 _EVERYWHERE = {"comment": COMMENT, "disabled": DISABLED}
 _SECRETS = ("password", "passphrase", "private-key", "preshared-key", "pre-shared-key", "secret", "pin", "key")
 _NEVER = {("/user/ssh-keys", "key")}
 _NO_INTERFACE = ("/interface/list", "/interface/lte/apn")
-_KINDS: dict[tuple[str, str], ValueType] = {("/interface/vlan", "vlan-id"): Int(1, 4094)}
-_INTERFACES = frozenset({"primary", "tagged", "untagged", "mvrp-forbidden"})
-"""Arguments that name interfaces without saying so in their name."""
-_ROWS = frozenset({"<l2tp>", "clientid", "default", "ether1", "full", "lo", "main", "serial0", "skins/"})
-"""What other menus of the recorded router hold: names of rows, of which every router has its own."""
-_OPEN = frozenset(
-    [
-        "address-list-timeout",
-        "advertise-timeout",
-        "arp-opcode",
-        "baud-rate",
-        "builtin-trust-store",
-        "ca-certificate",
-        "certificate",
-        "chain",
-        "code",
-        "communities",
-        "crl-store",
-        "do-group-num",
-        "do-select-num",
-        "filter-dst-port",
-        "filter-ip-protocol",
-        "filter-mac-protocol",
-        "filter-port",
-        "filter-src-port",
-        "group-authority",
-        "group-master",
-        "headers",
-        "hop-limit",
-        "incoming-filter",
-        "input.limit-process-routes-ipv4",
-        "input.limit-process-routes-ipv6",
-        "insert-queue-before",
-        "ip-protocol",
-        "ipsec-policy",
-        "ipv6-next-header",
-        "jump-target",
-        "label",
-        "line-count",
-        "mac-protocol",
-        "max-block-size",
-        "mode-config",
-        "my-id",
-        "new-hop-limit",
-        "new-priority",
-        "outgoing-filter",
-        "per-connection-classifier",
-        "preshared-key",
-        "private-key",
-        "protocol",
-        "radius-mac-format",
-        "remote-id",
-        "rule",
-        "select-dynamic-id",
-        "transition-time",
-        "ttl",
-        "vlan-encap",
-        "vlan-protocol",
-        "vrf",
-    ]
+_KINDS: dict[tuple[str, str], ValueType] = {
+    ("/interface/vlan", "vlan-id"): Int(1, 4094),
+    ("/queue/interface", "interface"): Ref(("interface",)),
+}
+_PORT, _ADDRESS = re.compile(r"(^|[.-])port$"), re.compile(r"(^|[.-])(address(es)?|gateway|host|servers?)$")
+_SEVERAL = 2
+_CALLED = {"/queue/interface": "interface"}
+"""Menus whose rows are not called by a `name`."""
+_OPEN = (
+    "arp-opcode baud-rate builtin-trust-store ca-certificate certificate chain code communities crl-store"
+    " default-route-tables do-group-num do-select-num filter-dst-port filter-ip-protocol filter-mac-protocol"
+    " filter-port filter-src-port group-authority group-master headers hop-limit incoming-filter"
+    " input.limit-process-routes-ipv4 input.limit-process-routes-ipv6 insert-queue-before ip-protocol ipsec-policy"
+    " ipv6-next-header jump-target label line-count mac-protocol max-block-size my-id new-hop-limit new-priority"
+    " outgoing-filter per-connection-classifier protocol radius-mac-format remote-id rule select-dynamic-id ttl"
+    " vlan-encap vlan-protocol"
 )
-"""Arguments that take numbers, addresses, texts or names of rows beside the words that are offered."""
+"""Arguments that take numbers, addresses or texts beside the words that are offered, without the tree saying so."""
 _BY_PACKAGE = ("/disk",)
 """Menus whose words depend on packages that the recorded router did not have."""
 _NAMES_REPEAT = ("/ip/smb/shares", "/ip/smb/users", "/routing/bgp/connection", "/routing/id")
@@ -97,29 +55,43 @@ def _named(*names: str) -> tuple[dict[str, str], ...]:
     return tuple({"name": name} for name in names)
 
 
+_QUEUES = (
+    *(("default", "pfifo"), ("ethernet-default", "pfifo"), ("wireless-default", "sfq"), ("synchronous-default", "red")),
+    *(("hotspot-default", "sfq"), ("pcq-upload-default", "pcq"), ("pcq-download-default", "pcq")),
+    *(("only-hardware-queue", "none"), ("multi-queue-ethernet-default", "mq-pfifo"), ("default-small", "pfifo")),
+)
 BUILT_IN = {
     "/caps-man/manager/interface": BuiltIn(({"interface": "all"},)),
+    "/ip/dhcp-client/option": BuiltIn(_named("clientid_duid", "clientid", "hostname"), since="6.0"),
     "/ip/firewall/service-port": BuiltIn(
         _named("ftp", "tftp", "irc", "h323", "sip", "pptp", "rtsp", "udplite", "dccp", "sctp")
     ),
     "/ip/hotspot/profile": BuiltIn(_named("default"), since="6.0"),
     "/ip/hotspot/service-port": BuiltIn(_named("ftp")),
+    "/ip/hotspot/user": BuiltIn(_named("default-trial"), since="6.0"),
+    "/ip/hotspot/user/profile": BuiltIn(_named("default"), since="6.0"),
     "/ip/ipsec/mode-config": BuiltIn(_named("request-only")),
     "/ip/ipsec/policy": BuiltIn(({},)),
+    "/ip/ipsec/policy/group": BuiltIn(_named("default"), since="6.0"),
     "/ip/ipsec/profile": BuiltIn(_named("default")),
     "/ip/ipsec/proposal": BuiltIn(_named("default")),
     "/ip/smb/shares": BuiltIn(_named("pub"), since="7.10"),
     "/ip/smb/users": BuiltIn(_named("guest"), since="7.14beta1"),
+    "/ipv6/dhcp-relay/option": BuiltIn(_named("client_mac")),
     "/ipv6/nd": BuiltIn(({"interface": "all"},)),
     "/port": BuiltIn(_named("serial0", "serial1")),
-    "/ppp/profile": BuiltIn(_named("default", "default-encryption")),
+    "/ppp/profile": BuiltIn(
+        ({".id": "*0", "name": "default"}, {".id": "*FFFFFFFE", "name": "default-encryption"}), since="6.0"
+    ),
+    "/queue/type": BuiltIn(tuple({"name": name, "kind": kind} for name, kind in _QUEUES), since="6.0"),
     "/routing/bgp/template": BuiltIn(_named("default")),
     "/snmp/community": BuiltIn(_named("public")),
+    "/tool/romon/port": BuiltIn(({"interface": "all"},)),
 }
 """Only what exports of 6.49 to 7.23 set of them (`set [ find default=yes ]`, `set 0`, `set default`), under the names
 of the Manual: IPsec, Services, SMB, SNMP, HotSpot, PPP, BGP. No export tells how many serial ports a board has: two."""
-OF_THE_BOARD = ("/app", "/disk", "/system/resource/irq/rps")
-"""Menus whose rows come with disks, processors and packages of a board: the twin does not have them."""
+_OF_THE_BOARD = ("/app", "/disk", "/system/console", "/system/leds")
+"""Menus whose rows come with disks, lights and packages of a board, although more can be added."""
 
 
 def generic(schema: Schema, path: str) -> EmulatedMenu:
@@ -130,15 +102,20 @@ def generic(schema: Schema, path: str) -> EmulatedMenu:
     interface = path.startswith("/interface/") and "name" in names and not path.startswith(_NO_INTERFACE)
     unique = (Unique(("name",), "failure: item with such name already exists"),) if "name" in names else ()
     unique = () if path in _NAMES_REPEAT else unique
+    called, shape = _CALLED.get(path, "name"), _shape(schema, path)
+    fixed = shape is Shape.FIXED and schema.has_command(path, "set") and path not in _CALLED
     return EmulatedMenu(
         path,
-        _shape(schema, path),
-        unmodelled(path, names.union(*factory)),
+        shape,
+        unmodelled(path, names.union(*factory, {_CALLED.get(path, "")}) - {"", ".id"}),
         noun=path.rpartition("/")[2].replace("-", " "),
         space="interface" if interface else "",
+        called=called,
         unique=unique,
         factory=factory,
         builtin_flag="default" if factory else "",
+        select=Select.NAME if path in _CALLED else Select.INDEX,
+        of_the_board=path in _OF_THE_BOARD or (fixed and not factory),
         modelled=False,
     )
 
@@ -165,18 +142,18 @@ def _kind(path: str, name: str) -> ValueType:
     values = offered(path, name)
     if values == ("no", "yes"):
         return Bool()
-    named = _rows(name, values)
+    named = references(path, name)
     if named is not None:
-        return Not(Refs(named))
+        return Not(named)
     if name == "tcp-flags":
         return Choices(values, signed=True)
-    if len(values) > 1 and name not in _OPEN and not _ROWS & set(values) and not path.startswith(_BY_PACKAGE):
-        return Not(Choices(values, ordered=False))
-    return _KINDS.get((path, name), Text())
+    described_otherwise = "|" not in (described(path, name) or "|")
+    is_open = name in _OPEN.split() or described_otherwise or names_rows(path, name) or path.startswith(_BY_PACKAGE)
+    return _text(path, name) if is_open or len(values) < _SEVERAL else Not(Choices(values, ordered=False))
 
 
-def _rows(name: str, values: tuple[str, ...]) -> Ref | None:
-    """Return what an argument takes that names interfaces or lists of them, and None for every other."""
-    if "ether1" in values and ("interface" in name or name in _INTERFACES):
-        return Ref(("interface", "list"), tuple(value for value in values if value not in _ROWS))
-    return Ref(("list",), values) if {"all", "none"} <= set(values) and name.endswith("list") else None
+def _text(path: str, name: str) -> ValueType:
+    if _PORT.search(name):
+        return Plausible(ports=True)
+    address = _ADDRESS.search(name) or "IP address" in described(path, name)
+    return Plausible() if address else _KINDS.get((path, name), Text())

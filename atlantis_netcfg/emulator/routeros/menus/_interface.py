@@ -206,7 +206,6 @@ _OVPN = of_schema(
         "mode": Choice(("ethernet", "ip")),
         "password": Text(longest=1000),
         "port": Int(1, 65535),
-        "profile": Choice(("default", "default-encryption")),
         "protocol": Choice(("tcp", "udp")),
         "tls-version": Choice(("any", "only-1.2")),
     },

@@ -111,7 +111,6 @@ _LEASE = of_schema(
     kinds={
         "allow-dual-stack-queue": Bool(),
         "insert-queue-before": Choice(("bottom", "first")),
-        "queue-type": Choice(offered("/ip/dhcp-server/lease", "queue-type")),
         "server": Ref(("dhcp-server",), ("all",)),
     },
     local=(
@@ -126,7 +125,12 @@ _LEASE = of_schema(
     unique=(
         Unique(("address", "server"), "failure: already have static lease with this IP address"),
         # An export of 7.22 has two leases for one address, of which one is disabled.
-        Unique(("mac-address", "server"), "failure: already have static lease with this MAC address", enabled=True),
+        # Another has two leases of one MAC address for clients of different ids.
+        Unique(
+            ("mac-address", "server", "client-id"),
+            "failure: already have static lease with this MAC address",
+            enabled=True,
+        ),
     ),
     flags=("blocked", "dynamic", "radius"),
 )

@@ -11,6 +11,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.emulator.routeros import values
+from atlantis_netcfg.emulator.routeros.menus._references import reference, references
 from atlantis_netcfg.emulator.routeros.values import Bool, Text, ValueType
 from atlantis_netcfg.routeros import menus as schema
 
@@ -103,6 +104,8 @@ class EmulatedMenu:
     exported: bool = True
     sparse: bool = False
     """Exports print what was given, defaults too: how the menus of the routing process behave."""
+    of_the_board: bool = False
+    """Its rows come with the board, and nobody knows which ones this router has."""
     modelled: bool = True
     """False: only names of arguments are checked, by the command tree."""
     by_name: dict[str, Arg] = field(init=False, repr=False, compare=False)
@@ -133,6 +136,13 @@ _PLAIN: Final = {
 """What a device takes for a kind of value where nothing narrower is said; for the others any text."""
 
 
+_LISTS: Final = (schema.PropertyKind.SEQUENCE, schema.PropertyKind.SET)
+
+
+def _naming(path: str, field: schema.Field) -> ValueType | None:
+    return (references if field.kind in _LISTS else reference)(path, field.name)
+
+
 def of_schema(
     path: str,
     *,
@@ -151,7 +161,7 @@ def of_schema(
     args = {
         field.name: Arg(
             field.name,
-            narrower.get(field.name) or _PLAIN.get(field.kind, Text()),
+            narrower.get(field.name) or _PLAIN.get(field.kind) or _naming(path, field) or Text(),
             None if field.name == "comment" else field.default,
             secret=field.secret,
         )

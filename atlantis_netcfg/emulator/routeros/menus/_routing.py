@@ -23,7 +23,18 @@ from atlantis_netcfg.emulator.routeros.menus._model import (
     of_schema,
 )
 from atlantis_netcfg.emulator.routeros.schema import offered
-from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Int, Pattern, Prefixes, Ref, Refs, Text, Time
+from atlantis_netcfg.emulator.routeros.values import (
+    Address,
+    Bool,
+    Choice,
+    Int,
+    Pattern,
+    Prefixes,
+    Ref,
+    Refs,
+    Text,
+    Time,
+)
 
 VRF = 0x1000001
 """First id of a VRF, away from those of interfaces and routing tables: its name stands for one of each."""
@@ -88,13 +99,12 @@ _ROUTING = (
 _ICMP = ("type", "icmp")
 _TCP = ("type", "tcp-conn")
 _PORT = ("type", "tcp-conn|http-get|https-get")
-_QUEUES = offered("/queue/tree", "queue")
 
 _NETWATCH = (
     of_schema(
         "/queue/tree",
         noun="queue tree",
-        kinds={"bucket-size": Pattern(r"\d+(\.\d+)?"), "priority": Int(1, 8), "queue": Choice(_QUEUES)},
+        kinds={"bucket-size": Pattern(r"\d+(\.\d+)?"), "priority": Int(1, 8)},
         local=(
             Arg("name", Text(empty=False), required=True),
             Arg("parent", Ref(("interface", "queue"), ("global",)), required=True),
@@ -111,12 +121,12 @@ _NETWATCH = (
             Arg("accept-icmp-time-exceeded", Bool(), shown_if=_ICMP),
             Arg("early-failure-detection", Bool(), shown_if=_ICMP),
             Arg("early-success-detection", Bool(), shown_if=_ICMP),
-            Arg("host", Text(empty=False), "", always=True),
+            Arg("host", Address(dns=True), "", always=True),
             Arg("packet-count", Int(1), "10", shown_if=_ICMP),
             Arg("packet-interval", Time(0.001), "50ms", shown_if=_ICMP),
             Arg("packet-size", Int(28, 65535), "54", shown_if=_ICMP),
             Arg("port", Int(1, 65535), shown_if=_PORT),
-            Arg("src-address", Text()),
+            Arg("src-address", Address(empty=True)),
             Arg("thr-avg", Time(), shown_if=_ICMP),
             Arg("thr-jitter", Time(), shown_if=_ICMP),
             Arg("thr-loss-count", Int(), shown_if=_ICMP),

@@ -205,6 +205,25 @@ class Ports(ValueType):
         return str(low) if match[2] is None else f"{low}-{high}"
 
 
+_QUAD = re.compile(r"\d+(?:\.\d+){3}(?:/\d+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Plausible(ValueType):
+    """A text of which only this much is known: what looks like an IPv4 address, or with `ports` like a port, is one."""
+
+    ports: bool = False
+
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+        """Check every part that looks like one; all else is taken as it comes."""
+        for part in re.split("[,-]", text.removeprefix("!")):
+            if self.ports and part.isdecimal() and int(part) > _LAST_PORT:
+                raise BadValue
+            if not self.ports and _QUAD.fullmatch(part):
+                _range(part)
+        return text
+
+
 @dataclass(frozen=True, slots=True)
 class GatewayValue(ValueType):
     """A next hop: address, interface, or both (`10.0.0.1%ether1`), perhaps looked up in a VRF (`10.0.0.1@main`)."""
@@ -263,13 +282,14 @@ def _number(text: str, space: str, names: NamesValue) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class Refs(ValueType):
-    """A list of rows of one space, perhaps empty."""
+    """A list of rows of one space, perhaps empty; `between` is what parts them."""
 
     element: Ref
+    between: str = ","
 
     def parse(self, text: str, names: NamesValue) -> str:
         """Find each row."""
-        return ",".join(self.element.parse(part, names) for part in text.split(",")) if text else ""
+        return self.between.join(self.element.parse(part, names) for part in text.split(self.between)) if text else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 INVALID = "invalid value for argument {}"
 NOT_OFFERED = "input does not match any value of {}"
-_TOKEN = re.compile("\x01([a-z-]+):([0-9A-F]+)\x02")
+_TOKEN = re.compile("\x01([a-z0-9/-]+):([0-9A-F]+)\x02")
 
 
 class BadValue(ValueError):
@@ -97,6 +97,7 @@ _UNITS = (("w", 604800), ("d", 86400), ("h", 3600), ("m", 60), ("s", 1))
 _UNIT_SECONDS = {**dict(_UNITS), "ms": 0.001}
 _SPAN = re.compile(r"(\d+)(ms|[wdhms])")
 _CLOCK = re.compile(r"(?:(\d+)w)?(?:(\d+)d ?)?(\d{1,2}):(\d{2})(?::(\d{2})(?:\.(\d{1,3}))?)?")
+_DAYTIME = re.compile(r"([01]?\d|2[0-3]):([0-5]?\d)(?::([0-5]?\d))?")
 _FRACTION = re.compile(r"\d+\.\d{1,3}")
 _RATE_UNITS = {"": 1, "k": 1000, "M": 1000_000, "G": 1000_000_000}
 _YES = ("yes", "true")
@@ -314,14 +315,16 @@ class Time(ValueType):
 
 @dataclass(frozen=True, slots=True)
 class Moment(ValueType):
-    """A date (`2026-01-31`, before 7.10 `jan/31/2026`) or a time of day (`12:30:00`), or one of `words`."""
+    """A date (`2026-01-31`, before 7.10 `jan/31/2026`) or a time of day (`12:30:00`, `9:00`), or one of `words`."""
 
     words: tuple[str, ...] = ()
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take the forms of any version; whoever uses the value knows which it is."""
-        if text in self.words or re.fullmatch(r"\d{4}-\d{2}-\d{2}|[a-z]{3}/\d{2}/\d{4}|\d{2}:\d{2}:\d{2}", text):
+        if text in self.words or re.fullmatch(r"\d{4}-\d{2}-\d{2}|[a-z]{3}/\d{2}/\d{4}", text):
             return text
+        if clock := _DAYTIME.fullmatch(text):
+            return ":".join(part.zfill(2) for part in clock.groups(default="0"))
         raise BadValue
 
 

@@ -1,0 +1,71 @@
+"""Arguments that name rows of other menus, as the offers of the recorded router's console tell them apart.
+
+Where the words offered for an argument are the names of all rows of one menu, it names rows of that menu. Where they
+are those of several menus, its own name tells which one (`profile` of `/ip/hotspot/user`: `/ip/hotspot/user/profile`).
+"""
+
+from __future__ import annotations
+
+from itertools import takewhile
+
+from atlantis_netcfg.emulator.routeros.schema import described, menus_named, offered, recorded_rows
+from atlantis_netcfg.emulator.routeros.values import Ref, Refs
+
+_INTERFACE, _LIST, _QUEUES, _LOOPBACK = "/interface", "/interface/list", "/queue/type", "lo"
+_DEVICES = ("/file", "/port")
+"""Menus whose rows are not all there is: folders that will be made, modems."""
+_SPACES = {"/routing/table": "table"}
+"""Names that rows of several menus share."""
+
+
+def references(path: str, name: str) -> Refs | None:
+    """Return what an argument takes that names one row or several, and None for every other."""
+    named = reference(path, name)
+    # Queues of both directions: `queue=up/down` (exports of `/queue/simple`).
+    return Refs(named, between="/" if named.spaces == (_QUEUES,) else ",") if named is not None else None
+
+
+def reference(path: str, name: str) -> Ref | None:
+    """Return what an argument takes that names one row, and None for every other."""
+    words = frozenset(offered(path, name))
+    interfaces, lists = words & recorded_rows()[_INTERFACE], words & recorded_rows()[_LIST]
+    # Addresses are offered with the interfaces that may follow them, `lo` among them.
+    if "interface" not in name and _LOOPBACK in interfaces:
+        return None
+    if lists != recorded_rows()[_LIST]:
+        lists = frozenset()
+    spaces = [
+        *(["interface"] if interfaces or (lists and "interface" in name and not name.endswith("list")) else []),
+        *(["list"] if lists else []),
+    ]
+    menu = None if spaces else _menu(path, name)
+    if menu is not None:
+        return Ref((_SPACES.get(menu, menu),), tuple(sorted(words - recorded_rows()[menu])))
+    return Ref(tuple(spaces), tuple(sorted(words - interfaces - lists))) if spaces else None
+
+
+def names_rows(path: str, name: str) -> bool:
+    """Tell whether rows, files or devices of the recorded router stand among the words offered for an argument."""
+    devices = recorded_rows()[_INTERFACE].union(*(recorded_rows()[menu] for menu in _DEVICES))
+    return bool(menus_named(path, name)) or not devices.isdisjoint(offered(path, name))
+
+
+def _menu(path: str, name: str) -> str | None:
+    menus = menus_named(path, name)
+    if set(_DEVICES) & set(menus) or "address" in described(path, name):
+        return None
+    if len(menus) == 1:
+        return menus[0]
+    fits = [menu for menu in menus if _alike(menu, name) and _shared(path, menu) > 1]
+    return max(fits, key=lambda menu: (_alike(menu, name), _shared(path, menu), -menu.count("/")), default=None)
+
+
+def _alike(menu: str, name: str) -> int:
+    """Count the words of a path with which a name ends: 2 of `/ip/hotspot/user/profile` for `trial-user-profile`."""
+    parts = menu.strip("/").split("/")
+    return sum(name.removesuffix("s").endswith("-".join(parts[start:])) for start in range(len(parts)))
+
+
+def _shared(path: str, menu: str) -> int:
+    pairs = zip(path.split("/"), menu.split("/"), strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
