@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.eventlog import write_all
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Caller, Trap
 from atlantis_netcfg.emulator.routeros.console.run import run_file
@@ -131,8 +133,11 @@ class Flash:
         self._room -= len(data)
         if self._room < 0:
             return False
-        with self._file.open("ab") as file:
-            file.write(data)
+        handle = os.open(self._file, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
+            write_all(handle, data)
+        finally:
+            os.close(handle)
         self._beside, self._counters = beside, dict(counters)
         return True
 

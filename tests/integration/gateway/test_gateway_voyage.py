@@ -25,10 +25,26 @@ from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, GitSer
 from atlantis_netcfg.operations.bundle import wish_of
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.vpn.rehearsed import identities
+from bench.proxy import Count, Shape
+from bench.world import Proxies
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 ROLES = ["gateway_base/offline", "gateway_base", "openvpn_client", "gateway_ros2", "gateway_interop", "gateway_dds"]
 TOKEN = "EXAMPLE-token-of-the-voyage"
+
+
+NO_OP = 50
+"""Round trips of a run of all roles from a bundle that finds nothing to do, SSH's own handshake included: 49 today."""
+WAY = Shape(0.05)
+"""Long enough for answers that belong together to be one."""
+
+
+def counted(stand: Stand) -> Count:
+    """What a run of a gateway as declared puts on the wire, counted by a relay."""
+    with Proxies([("127.0.0.1", 0, stand.gateway.port)], WAY) as relay:
+        stand.variables |= {"ansible_port": relay.proxies[0].address[1]}
+        assert stand.run()["changes"] == []
+        return relay.count()
 
 
 class Quiet(SimpleHTTPRequestHandler):
@@ -135,6 +151,8 @@ def test_all_roles_take_everything_from_the_bundle(voyage: Voyage, ashore: tuple
     again = voyage.run()
     assert (again["changes"], again["status"]) == ([], "unchanged"), again
     assert len(ashore[0].requests) == asked
+    count = counted(voyage)
+    assert count.round_trips <= NO_OP, count
     seen = voyage.gateway.run(f"grep -rlF {TOKEN} /var/lib/atlantis /etc /opt /var/log", check=False)
     assert (seen.returncode, seen.stdout) == (1, "")
     away = {f"test_clock_follows_a_source[{NAME}]", f"test_tunnel_has_its_address[{NAME}]"}
