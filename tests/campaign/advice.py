@@ -5,7 +5,10 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-_COMMAND = re.compile(r"`(?:\./)?provision ([^`]+)`|(?:then|died|type|run|again):\s+(?:\./)?provision ([^\n]+)")
+_COMMAND = re.compile(
+    r"`(?:\./)?provision ([^`]+)`|(?:(?:then|died|type|run|again):\s+|^next\s{2,})(?:\./)?provision ([^\n]+)",
+    re.MULTILINE,
+)
 _INFORMS = ("runs", "--help", "help", "links", "validate", "report")
 """Commands that show something and settle nothing."""
 TERMINAL = ("trust",)

@@ -47,6 +47,7 @@ class Relay:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._servers: list[asyncio.Server] = []
+        self._delayed: dict[object, tuple[asyncio.TimerHandle, Callable[[], object]]] = {}
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -80,8 +81,12 @@ class Relay:
             self._loop.call_soon_threadsafe(act)
 
     def later(self, seconds: float, act: Callable[[], object]) -> None:
-        """Do something after a while, in the relay's thread."""
-        self.soon(lambda: self._loop.call_later(seconds, act))
+        """Do something after a while, in the relay's thread, or when all is healed."""
+        self.soon(lambda: self._delay(seconds, act))
+
+    def _delay(self, seconds: float, act: Callable[[], object]) -> None:
+        key = object()
+        self._delayed[key] = self._loop.call_later(seconds, lambda: self._delayed.pop(key) and act()), act
 
     def reset(self, way: Way) -> None:
         """End all connections of a way with RST at the client's end; the device sees the end of its own."""
@@ -97,6 +102,10 @@ class Relay:
                 writer.write_eof()
 
     def _heal(self) -> None:
+        while self._delayed:
+            timer, act = self._delayed.popitem()[1]
+            timer.cancel()
+            act()
         for way in self.ways.values():
             way.refuses = way.mute = False
             way.pause_s = 0.0

@@ -32,12 +32,16 @@ TYPED_BEFORE = """error: run 1 has left nothing open on any device
        type its command again:  provision site=coastal only=scc-cpe inventory=/srv/pilot
 """
 HELP = "       `provision resume --help` lists what it takes"
+SAVED = """plan      1 row to add
+next      provision apply /srv/saved.plan inventory=/srv/pilot
+"""
 ONE_HOST = "  wait for ten minutes, then:  provision drift site=coastal only=scc-cpe"
 
 
 @pytest.mark.parametrize(
     ("output", "typed", "waits"),
     [
+        (SAVED, ("apply", "/srv/saved.plan"), False),
         (BUSY, ("resume", "site=coastal"), True),
         ("error: no run\n       `provision site=…` begins one", ("site=coastal",), False),
         (ONE_HOST, ("drift", "site=coastal", "only=scc-cpe"), True),
