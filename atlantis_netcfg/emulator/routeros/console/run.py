@@ -87,7 +87,7 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
     try:
         statements = core.script_cache.get(script) or list(Parser(core, TextPart(script)).statements())
     except ConsoleError as error:
-        outcome.error = _told(core, str(error))
+        outcome.error = _refusal_words(core, str(error))
         return outcome
     if len(core.script_cache) >= _PARSED_SCRIPTS:
         core.script_cache.clear()
@@ -117,7 +117,7 @@ def run_line(
     try:
         statements = list(parser.statements())
     except ConsoleError as error:
-        outcome.error = _told(core, str(error))
+        outcome.error = _refusal_words(core, str(error))
         return outcome, menu
     _run(core, caller, statements, outcome, width)
     return outcome, parser.menu
@@ -133,11 +133,11 @@ def run_file(core: Core, caller: Caller, text: str) -> ScriptOutcome:
             if outcome.error is not None:
                 break
     except ConsoleError as error:
-        outcome.error = _told(core, str(error))
+        outcome.error = _refusal_words(core, str(error))
     return outcome
 
 
-def _told(core: Core, words: str, failed: MenuCommand | None = None) -> str:
+def _refusal_words(core: Core, words: str, failed: MenuCommand | None = None) -> str:
     """Return the words of a refusal; of RouterOS 6 only those that adoption may meet are known.
 
     No command tree of it is published, so that a name or value which the oldest tree lacks may be one that it has.
@@ -168,9 +168,9 @@ def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words
         try:
             outcome.lines.extend(runner.run(statement))
         except MissingArgument as error:
-            outcome.error = _told(core, error.console, runner.failed)
+            outcome.error = _refusal_words(core, error.console, runner.failed)
         except Trap as error:
-            outcome.error = _told(core, error.message, runner.failed)
+            outcome.error = _refusal_words(core, error.message, runner.failed)
         outcome.paged = runner.paged
         if outcome.error is not None and not core.deviates(Deviation.SCRIPT_GOES_ON):
             break
