@@ -335,6 +335,12 @@ ASSUMPTIONS: Final = (
         _person("add such a job that logs, set the clock back and forth, restart the router, and read the log"),
     ),
     Assumption(
+        "connection-reply-address",
+        "`reply-dst-address` of `/ip firewall connection` is the address, a colon and the port.",
+        "Connections begin anew when their link is left; in another form they stay on the link that is gone.",
+        _person("print `/ip firewall connection` while something is connected"),
+    ),
+    Assumption(
         "use-uptime-compares",
         "In a script `[/system resource get uptime]` is a time, and `<` and `>=` compare it with a time like `5400s`.",
         "The end of a link's use; a script that fails here ends nothing and logs an error every ten seconds.",
@@ -358,6 +364,12 @@ ASSUMPTIONS: Final = (
         "A load on a port shows as `powered-on` with its figures, and a lease is bound as long as its device is there.",
         "Rehearsed readings of what a router feeds; on a device they are read.",
         _person("read `/interface ethernet poe monitor` with a known load"),
+    ),
+    Assumption(
+        "radio-levels",
+        "A registration shows its level as `-48dBm@6Mbps` with the package `wireless`, and as `-48` with `wifi`.",
+        "Levels of both ends of a bridge; in another form a level is unreadable, which is told.",
+        _person("print the registration table of a connected radio of either package"),
     ),
     Assumption(
         "radio-restart",
@@ -395,6 +407,12 @@ ASSUMPTIONS: Final = (
         "Looking up words of closed lists; a word that is not found is looked for in the whole list before it is"
         " refused.",
         READS,
+    ),
+    Assumption(
+        "offered-without-hardware",
+        "A device offers the words of a radio's or modem's menu whole where no radio or modem is in it.",
+        "Refusing a plan before it is sent; a list that lacks a declared word refuses the plan.",
+        _person("type `/interface lte apn add ip-type=` with Tab on a device without a modem"),
     ),
     Assumption(
         "offered-values",

@@ -271,6 +271,7 @@ def offered(menu: str, name: str, *, among: Sequence[str] = ()) -> Command:
     path = ",".join((*menu.strip("/").split("/"), verb, name))
     arguments = (("request", "completion"), ("path", path), (".proplist", "completion"))
     # A device that ignores the queries sends all, which is as good. Assumption: inspect-whole
+    # One without a radio sends its words all the same. Assumption: offered-without-hardware
     alternatives = [f"?completion={value}" for value in among]
     return Command("/console/inspect", arguments, (*alternatives, *["?#|"] * (len(alternatives) - 1)))
 

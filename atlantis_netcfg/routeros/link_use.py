@@ -264,4 +264,5 @@ def _script(declared: Desired, use: LinkUse, since_uptime_s: int, addresses: Map
 
 def _cut(addresses: str) -> str:
     """Connections keep the address under which they began: those that began on these links begin anew."""
+    # With its port behind the address. Assumption: connection-reply-address
     return f':do {{/ip firewall connection remove [find reply-dst-address~"^({addresses}):"]}} on-error={{}}'

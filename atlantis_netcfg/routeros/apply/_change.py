@@ -528,17 +528,21 @@ _FEATURES = {"/ip/proxy": "proxy", "/ip/socks": "socks", "/tool/bandwidth-server
 """Menus that device-mode can forbid (manual, Device-mode)."""
 
 
-def missing(plan: Plan, observed: Observed) -> tuple[str, ...]:
-    """Return what the device or our user lacks for this plan."""
+def missing(plan: Plan, observed: Observed, *, console: bool = False) -> tuple[str, ...]:
+    """Return what the device or our user lacks for this plan; `console`: safe mode of an SSH session protects it."""
     facts = observed.facts
-    return (*_policies(facts), *_certificates(plan, observed), *_features(plan, facts))
+    return (
+        *_policies(facts, (*POLICIES, "ssh") if console else POLICIES),
+        *_certificates(plan, observed),
+        *_features(plan, facts),
+    )
 
 
-def _policies(facts: Facts) -> Iterator[str]:
+def _policies(facts: Facts, needed: Sequence[str]) -> Iterator[str]:
     if not facts.policies:
         yield "the device does not tell what our user may do: it must be a local user with policy `policy`"
         return
-    lacking = [policy for policy in POLICIES if policy not in facts.policies]
+    lacking = [policy for policy in needed if policy not in facts.policies]
     if lacking:
         yield f"our user may not {', '.join(lacking)}: its group needs these policies"
 

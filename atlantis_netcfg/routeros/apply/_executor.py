@@ -395,7 +395,8 @@ def _cost_policy(work: RunContext, mode: JobMode) -> DeviceResult | None:
 def _judge(work: RunContext, mode: JobMode) -> DeviceResult | None:
     """Return the refusal of a plan that may not be carried out."""
     found = work.aim
-    reasons, hint = [*objections(found, work.seen, _path(work)), *missing(found, work.seen)], None
+    lacking = missing(found, work.seen, console=work.protection is Protection.CONSOLE)
+    reasons, hint = [*objections(found, work.seen, _path(work)), *lacking], None
     reasons += work.examination.objections(found.actions, work.job.desired.source)
     if work.protection is Protection.NONE and not all(action.inert for action in found.actions):
         if work.job.unprotected:

@@ -110,6 +110,7 @@ def registrations(menu: str) -> Command:
 
 def level_dbm(row: Row) -> float | None:
     """Read the level of a registration: `-48dBm@6Mbps` of the older driver, `-48` of the newer; None: it says none."""
+    # Neither form is recorded. Assumption: radio-levels
     text = row.get("signal-strength") or row.get("signal", "")
     number = text.partition("dBm")[0]
     try:

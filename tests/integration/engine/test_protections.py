@@ -63,6 +63,15 @@ def test_safe_mode_of_a_console_and_a_job(tmp_path: Path, version: str) -> None:
     converged(Bench(tmp_path, spec={"version": version}), CONSOLE, words, ssh=True)
 
 
+@pytest.mark.parametrize(("version", "status"), [("7.16", Status.REFUSED), ("7.18.2", Status.CHANGED)])
+def test_safe_mode_of_a_console_needs_a_user_who_may_use_ssh(tmp_path: Path, version: str, status: Status) -> None:
+    seed = "/user group set full policy=local,telnet,ftp,reboot,read,write,policy,test,winbox,web,sniff,sensitive,api"
+    bench = Bench(tmp_path, spec={"version": version, "seed": seed})
+    result = on(bench, lambda bench: bench.converge(ssh=bench.ssh))
+    assert result.status is status
+    assert ("our user may not ssh: its group needs these policies" in result.message) is (status is Status.REFUSED)
+
+
 def test_safe_mode_of_a_console_alone_in_device_mode_home(tmp_path: Path) -> None:
     bench = Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME})
     words = "safe mode of an SSH session (no dead-man job: device-mode home forbids the scheduler)"

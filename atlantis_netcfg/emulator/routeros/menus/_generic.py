@@ -24,7 +24,6 @@ _KINDS: dict[tuple[str, str], ValueType] = {
     ("/queue/interface", "interface"): Ref(("interface",)),
 }
 _PORT, _ADDRESS = re.compile(r"(^|[.-])port$"), re.compile(r"(^|[.-])(address(es)?|gateway|host|servers?)$")
-_SEVERAL = 2
 _CALLED = {"/queue/interface": "interface"}
 """Menus whose rows are not called by a `name`."""
 _OPEN = (
@@ -149,7 +148,7 @@ def _kind(path: str, name: str) -> ValueType:
         return Choices(values, signed=True)
     described_otherwise = "|" not in (described(path, name) or "|")
     is_open = name in _OPEN.split() or described_otherwise or names_rows(path, name) or path.startswith(_BY_PACKAGE)
-    return _text(path, name) if is_open or len(values) < _SEVERAL else Not(Choices(values, ordered=False))
+    return Not(Choices(values, ordered=False)) if values[1:] and not is_open else _text(path, name)
 
 
 def _text(path: str, name: str) -> ValueType:

@@ -124,8 +124,7 @@ _LEASE = of_schema(
     called="address",
     unique=(
         Unique(("address", "server"), "failure: already have static lease with this IP address"),
-        # An export of 7.22 has two leases for one address, of which one is disabled.
-        # Another has two leases of one MAC address for clients of different ids.
+        # Exports have two leases of one MAC address: for other client ids, and (7.22) with one of them disabled.
         Unique(
             ("mac-address", "server", "client-id"),
             "failure: already have static lease with this MAC address",

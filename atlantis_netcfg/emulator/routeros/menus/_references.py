@@ -15,7 +15,6 @@ _INTERFACE, _LIST, _QUEUES, _LOOPBACK = "/interface", "/interface/list", "/queue
 _DEVICES = ("/file", "/port")
 """Menus whose rows are not all there is: folders that will be made, modems."""
 _SPACES = {"/routing/table": "table"}
-"""Names that rows of several menus share."""
 
 
 def references(path: str, name: str) -> Refs | None:

@@ -13,6 +13,7 @@ Assumption: netwatch-values
 
 from __future__ import annotations
 
+from atlantis_netcfg.emulator.routeros import values
 from atlantis_netcfg.emulator.routeros.menus._model import (
     COMMENT,
     DISABLED,
@@ -23,18 +24,7 @@ from atlantis_netcfg.emulator.routeros.menus._model import (
     of_schema,
 )
 from atlantis_netcfg.emulator.routeros.schema import offered
-from atlantis_netcfg.emulator.routeros.values import (
-    Address,
-    Bool,
-    Choice,
-    Int,
-    Pattern,
-    Prefixes,
-    Ref,
-    Refs,
-    Text,
-    Time,
-)
+from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Int, Pattern, Prefixes, Ref, Refs, Text, Time
 
 VRF = 0x1000001
 """First id of a VRF, away from those of interfaces and routing tables: its name stands for one of each."""
@@ -121,12 +111,12 @@ _NETWATCH = (
             Arg("accept-icmp-time-exceeded", Bool(), shown_if=_ICMP),
             Arg("early-failure-detection", Bool(), shown_if=_ICMP),
             Arg("early-success-detection", Bool(), shown_if=_ICMP),
-            Arg("host", Address(dns=True), "", always=True),
+            Arg("host", values.Address(dns=True), "", always=True),
             Arg("packet-count", Int(1), "10", shown_if=_ICMP),
             Arg("packet-interval", Time(0.001), "50ms", shown_if=_ICMP),
             Arg("packet-size", Int(28, 65535), "54", shown_if=_ICMP),
             Arg("port", Int(1, 65535), shown_if=_PORT),
-            Arg("src-address", Address(empty=True)),
+            Arg("src-address", values.Address(empty=True)),
             Arg("thr-avg", Time(), shown_if=_ICMP),
             Arg("thr-jitter", Time(), shown_if=_ICMP),
             Arg("thr-loss-count", Int(), shown_if=_ICMP),
