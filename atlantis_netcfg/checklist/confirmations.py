@@ -75,6 +75,11 @@ def _same(name: str) -> str:
     return " ".join(name.split()).casefold()
 
 
+def is_photo(path: Path) -> bool:
+    """Whether a file is one that an item which asks for a photo takes."""
+    return is_picture(path)
+
+
 def missing_evidence(request: EvidenceRequest, confirmation: Confirmation) -> tuple[str, str] | None:
     """What an answer lacks to be taken, and what to do; None: nothing. Only what holds needs evidence."""
     value, words, missing = confirmation.value, request.words, False
@@ -90,7 +95,7 @@ def missing_evidence(request: EvidenceRequest, confirmation: Confirmation) -> tu
         case EvidenceKind.TEXT:
             missing = not confirmation.note.strip()
         case EvidenceKind.PHOTO:
-            missing = not any(map(is_picture, confirmation.files))
+            missing = not any(map(is_photo, confirmation.files))
     return (f"{words} is asked for", _GIVE[request.kind]) if missing else None
 
 

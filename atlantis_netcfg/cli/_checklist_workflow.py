@@ -19,8 +19,13 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.bearers.cost import CostRefused, Preview
+<<<<<<< HEAD
 from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused, is_picture
 from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, named, refused_person
+=======
+from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused
+from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, is_photo, named, refused_person
+>>>>>>> h-advice
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase, item_title
 from atlantis_netcfg.checklist.runner import Ears, examine
@@ -524,8 +529,9 @@ class Prompt:
         """Photos or files that show it; none with an empty answer, unless a photo is needed. Raises Later, Back."""
         files: list[Path] = []
         if photo:
-            while not is_picture(file := self._path(self.needs("Photo that shows it (a path of a JPEG or PNG):"))):
-                self.say(translate(f"  {file} is no JPEG or PNG that can be read"))
+            while not is_photo(file := self._path(self.ask("Photo that shows it (a path of a JPEG or PNG):"))):
+                words = f"  a photo is asked for: give the path of a JPEG or PNG; `{shown_word(LATER)}` leaves it open"
+                self.say(translate(words))
             files.append(file)
         more = "no more" if photo else "none or no more"
         while typed := self.ask(f"Photo or file that shows it (a path; empty: {more}):"):

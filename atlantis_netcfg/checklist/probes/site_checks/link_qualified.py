@@ -81,8 +81,7 @@ class _LinkQualified:
             return Judged((unknown("emulated", message, again),))
         wrong = (*self._wrong(record, answer.now, rehearsed=answer.rehearsed),)
         if answer.rehearsed:  # the record is made up: it shows what a fault looks like, and is evidence of nothing
-            message = f"{self.bearer.name} was not measured: a rehearsed checklist measures no link"
-            return Judged(wrong or (BearerFinding(Verdict.SKIP, "not-measured", message),))
+            return Judged(wrong or (self._not_measured(),))
         return Judged(wrong or (self._fine(record, answer.now),), tuple(_evidence(record)))
 
     def _wrong(self, record: QualifyRecord, now: datetime, *, rehearsed: bool) -> Iterator[BearerFinding]:
@@ -123,6 +122,10 @@ class _LinkQualified:
             age = (now - begun).days
             old = f"the last measurement of {self.bearer.name} is {age} days old, and {days} are allowed"
             yield unknown("stale", old, again)
+
+    def _not_measured(self) -> BearerFinding:
+        message = f"{self.bearer.name} was not measured: a rehearsed checklist measures no link"
+        return BearerFinding(Verdict.SKIP, "not-measured", message)
 
     def _fine(self, record: QualifyRecord, now: datetime) -> BearerFinding:
         count, age = len(record.judgements), (now - record.run.begun).days
