@@ -7,7 +7,6 @@ The closed list is signed by a named person over everything in it, and whoever h
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist._ledger import is_picture
 from atlantis_netcfg.checklist._opening import BookHead
 from atlantis_netcfg.checklist._signing import FILE as KEY
 from atlantis_netcfg.checklist._signing import NotSigned, SigningKeyDamaged, SigningRefused
@@ -37,7 +36,6 @@ __all__ = [
     "VehicleState",
     "books",
     "changes",
-    "is_picture",
     "last_green",
     "narrowed",
     "plan",

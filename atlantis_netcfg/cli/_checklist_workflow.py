@@ -19,13 +19,8 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.bearers.cost import CostRefused, Preview
-<<<<<<< HEAD
-from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused, is_picture
-from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, named, refused_person
-=======
 from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused
 from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, is_photo, named, refused_person
->>>>>>> h-advice
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase, item_title
 from atlantis_netcfg.checklist.runner import Ears, examine
