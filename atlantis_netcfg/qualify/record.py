@@ -79,8 +79,6 @@ class LoadRow:
     in_flight: int
     goodput_bps: float | None
     """By the receiver's count and clock."""
-    bounded: bool
-    """It says what the far end sends at most, and nothing of the link."""
     latency: Percentiles | None
     offered_bps: float | None
     """What the sender offered, in octets of messages; None: not known."""
@@ -232,7 +230,6 @@ class _Measured:
                     figures.lost + figures.unknown,
                     figures.in_flight,
                     figures.receiver_bps,
-                    figures.is_bounded,
                     figures.latency,
                     figures.offered_bps,
                     Verdict.INCONCLUSIVE if doubt or figures.receiver_bps is None else Verdict.PASS,
