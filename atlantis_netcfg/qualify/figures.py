@@ -13,13 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.qualify.answers import (
-    LEAST_GAP_PACKETS,
-    answered_packets,
-    find_silences,
-    is_gap,
-    packets_of_known_fate,
-)
+from atlantis_netcfg.qualify import answers
 from atlantis_netcfg.qualify.reflector.stamp import is_synchronised
 from atlantis_netcfg.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
 
@@ -184,19 +178,19 @@ def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
     counted = next((sample for sample in mine if isinstance(sample, ReflectorCounted)), None)
     end = next((sample for sample in mine if isinstance(sample, StreamEnded)), None)
     ended_at = end.ended_at_ns if end is not None else max((s.arrived_at_ns for s in replies), default=0)
-    pairs = answered_packets(sent, replies)
+    pairs = answers.answered_packets(sent, replies)
     rtts = [pair.rtt / _SECOND for pair in pairs]
     both_synchronised = begin.synchronised and bool(pairs) and all(is_synchronised(pair.error) for pair in pairs)
     up = [(pair.received, pair.received - begin.begin_ns - (pair.sent - begin.begin_at_ns)) for pair in pairs]
     down = [(pair.arrived, pair.arrived - begin.begin_at_ns - (pair.replied - begin.begin_ns)) for pair in pairs]
     loss = _loss(begin, sent, replies, pairs, counted, ended_at)
-    silences = find_silences(packets_of_known_fate(mine, begin), pairs, counted)
+    silences = answers.find_silences(answers.packets_of_known_fate(mine, begin), pairs, counted)
     return TrainFigures(
         size=begin.size,
         interval_s=begin.interval_s,
         reason="cut off" if end is None else end.reason,
         loss=loss,
-        flr=_frame_loss(loss, [silence for silence in silences if is_gap(silence, begin)]),
+        flr=_frame_loss(loss, [silence for silence in silences if answers.is_gap(silence, begin)]),
         rtt=percentiles(rtts),
         up=_variation(pairs, up, absolute=both_synchronised),
         down=_variation(pairs, down, absolute=both_synchronised),
@@ -211,7 +205,7 @@ def round_trips(samples: Iterable[Sample], stream: str) -> list[tuple[float, flo
     """Give when each packet was sent, in seconds since the first, and its round trip; None: it was not answered."""
     mine = [sample for sample in samples if sample.stream == stream]
     sent = [sample for sample in mine if isinstance(sample, PacketSent) and not sample.error]
-    pairs = answered_packets(sent, [sample for sample in mine if isinstance(sample, ReplyReceived)])
+    pairs = answers.answered_packets(sent, [sample for sample in mine if isinstance(sample, ReplyReceived)])
     rtts = {pair.sequence: pair.rtt / _SECOND for pair in pairs}
     return [((packet.sent_at_ns - sent[0].sent_at_ns) / _SECOND, rtts.get(packet.sequence)) for packet in sent]
 
@@ -357,8 +351,8 @@ def _gaps(
     longest = max(gaps)
     ends = (pairs[0].sequence - sent[0].sequence, sent[-1].sequence - pairs[-1].sequence) if pairs else None
     at_most: float | None = None
-    if ends is not None and ends[0] < LEAST_GAP_PACKETS:
-        if ends[1] < LEAST_GAP_PACKETS:
+    if ends is not None and ends[0] < answers.LEAST_GAP_PACKETS:
+        if ends[1] < answers.LEAST_GAP_PACKETS:
             at_most = longest
         elif counted is not None:  # its answer was the first sign of life, and ended the stream
             at_most = max(longest, (ended_at - arrivals[-1]) / _SECOND)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.qualify.messages import DEFAULT_PACKET, MessagePlan
 from atlantis_netcfg.qualify.reflector.stamp import ACKNOWLEDGEMENT_SIZE, AUTHENTICATED_SIZE, chunk_room, extended_size
-from atlantis_netcfg.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, MIN_LOST, failed
+from atlantis_netcfg.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, MIN_LOST, RateLimit, failed
 from atlantis_netcfg.qualify.session import TrainPlan
 
 if TYPE_CHECKING:
@@ -158,8 +158,9 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
 
 
 def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle_latency_s: float) -> RateRow:
-    """Judge a stream of the grid as the search for the highest rate does."""
-    limit = failed(figures, idle_latency_s, 0.0)
+    """Judge a stream of the grid as the search for the highest rate does, and by its messages that are not whole."""
+    lost = figures.lost + figures.unknown >= MIN_LOST and figures.loss > MAX_LOSS
+    limit = RateLimit.LOSS if lost else failed(figures, idle_latency_s, 0.0)
     latency = figures.latency
     verdict, reason = Verdict.PASS, "sustained"
     if limit is not None:

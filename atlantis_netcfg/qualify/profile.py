@@ -20,13 +20,7 @@ from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.qualify.answers import (
-    LEAST_GAP_PACKETS,
-    answered_packets,
-    find_silences,
-    is_gap,
-    packets_of_known_fate,
-)
+from atlantis_netcfg.qualify import answers
 from atlantis_netcfg.qualify.figures import percentile
 from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, read_run
 from atlantis_netcfg.qualify.reflector.stamp import (
@@ -126,7 +120,7 @@ def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
     all_samples = [*samples]
     idle = [sample for sample in all_samples if sample.stream == IDLE]
     begin = next((sample for sample in idle if isinstance(sample, TrainBegan)), None)
-    pairs = answered_packets(
+    pairs = answers.answered_packets(
         [sample for sample in idle if isinstance(sample, PacketSent)],
         [sample for sample in idle if isinstance(sample, ReplyReceived)],
     )
@@ -135,11 +129,11 @@ def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
             f"run {run.id} cannot be replayed: {len(pairs)} packets of its train `{IDLE}` were answered",
             hint=f"take a run in which at least {_FEWEST} were",
         )
-    known = packets_of_known_fate(idle, begin)
-    silences = find_silences(known, pairs, next((s for s in idle if isinstance(s, ReflectorCounted)), None))
+    known = answers.packets_of_known_fate(idle, begin)
+    silences = answers.find_silences(known, pairs, next((s for s in idle if isinstance(s, ReflectorCounted)), None))
     least_rtt = min(pair.rtt for pair in pairs) / _SECOND
-    gaps = tuple(_gap(silence, begin.interval_s, least_rtt) for silence in silences if is_gap(silence, begin))
-    loss_up, loss_down = _losses([s for s in silences if not is_gap(s, begin)], len(pairs))
+    gaps = tuple(_gap(silence, begin.interval_s, least_rtt) for silence in silences if answers.is_gap(silence, begin))
+    loss_up, loss_down = _losses([s for s in silences if not answers.is_gap(s, begin)], len(pairs))
     up, down, split = _delays(begin, pairs)
     counted = next((sample for sample in idle if isinstance(sample, ReflectorCounted)), None)
     replies = sum(isinstance(sample, ReplyReceived) for sample in idle)
@@ -170,13 +164,13 @@ def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
 def _gap(silence: Silence, interval_s: float, least_rtt_s: float) -> ProfileGap:
     """Say how long the link was silent; a gap both ways also takes the answers to what was sent just before it."""
     lasted, down = silence.packets * interval_s, silence.down
-    few = LEAST_GAP_PACKETS - 1
+    few = answers.LEAST_GAP_PACKETS - 1
     if down == 0:
         return ProfileGap(seconds=lasted, up=True, down=False)
     if down is not None and silence.packets - down <= few < down:
         return ProfileGap(seconds=lasted, up=False, down=True)
-    answers = least_rtt_s / 2 if down is None else min(down * interval_s, least_rtt_s / 2)
-    return ProfileGap(seconds=max(interval_s, lasted - answers), up=True, down=True)
+    answers_s = least_rtt_s / 2 if down is None else min(down * interval_s, least_rtt_s / 2)
+    return ProfileGap(seconds=max(interval_s, lasted - answers_s), up=True, down=True)
 
 
 def _losses(silences: Sequence[Silence], answered: int) -> tuple[float, float]:

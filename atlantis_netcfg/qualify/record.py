@@ -79,8 +79,6 @@ class LoadRow:
     in_flight: int
     goodput_bps: float | None
     """By the receiver's count and clock."""
-    bounded: bool
-    """It says what the far end sends at most, and nothing of the link."""
     latency: Percentiles | None
     offered_bps: float | None
     """What the sender offered, in octets of messages; None: not known."""
@@ -232,7 +230,6 @@ class _Measured:
                     figures.lost + figures.unknown,
                     figures.in_flight,
                     figures.receiver_bps,
-                    figures.is_bounded,
                     figures.latency,
                     figures.offered_bps,
                     Verdict.INCONCLUSIVE if doubt or figures.receiver_bps is None else Verdict.PASS,
@@ -293,9 +290,11 @@ class _Measured:
             if found is not None and float(found[2]) > 0 and self.reasons[name] == EndReason.DONE:
                 rates[int(found[1])][float(found[2])] = figures
         for size, windows in sorted(rates.items()):
-            reference = self._reference(size)
+            single, reference = self.messages.get(f"rate {size} 0"), self._reference(size)
+            if single is not None and single.latency is None:
+                reference = 0.0  # as the search had it: no single message was whole
             if reference is not None:
-                idle_loss = 0.0 if idle is None else idle.loss.share
+                idle_loss = 0.0 if idle is None else idle.flr.share_up
                 yield self._highest_rate(windows, reference, idle_loss)
 
     def _highest_rate(self, windows: Mapping[float, MessageFigures], reference: float, idle_loss: float) -> HighestRate:

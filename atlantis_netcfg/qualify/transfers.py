@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from statistics import fmean, linear_regression, median
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.qualify.figures import percentile, percentiles
@@ -15,7 +17,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.samples import Sample
 
 _SECOND: Final = 1_000_000_000
-_QUARTER: Final = 4
+_FEWEST: Final = 3
+"""Of fewer messages nobody can say how sure it is that a queue grows."""
 _KEPT: Final = 0.97
 """Of what was to be offered: less does not fill a link that carries as much. Of what was offered: more is all of it."""
 _NEAR: Final = 0.75
@@ -41,8 +44,15 @@ class MessageFigures:
     """Goodput by the receiver's count and clock, from the first octet of all messages to the last. None: too little."""
     busy_bps: float | None
     """Goodput while a message arrives: the median over the messages of more than one chunk."""
-    queue_growth_s: float | None
-    """How much longer the last quarter of the messages took than the first, by their medians."""
+    packets: int
+    """Of messages that are not in flight, and how many of them the receiver lacks."""
+    packets_lost: int
+    delay_p95_s: float | None
+    """95th percentile of the delay until the last octet that came of a message, above the least. None: none came."""
+    stretch: float | None
+    """How much longer arriving took than sending, as a share: more than 0 where a queue grows. None: too few came."""
+    stretch_error: float
+    """Its standard error."""
     far_rate_bps: float | None = None
     """Down: what the far end sends at most. Goodput that comes near it is no figure of the link."""
 
@@ -83,14 +93,14 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
     )
     if not ended:
         return None
+    ended_ones = [message for message in ended if not message.in_flight]
     whole = [message for message in ended if message.acknowledged_at_ns is not None]
     in_flight = sum(1 for message in ended if message.in_flight)
     unknown = sum(1 for message in ended if not message.in_flight and message.received_size is None)
-    latencies = [
-        (message.acknowledged_at_ns - message.sent_at_ns) / _SECOND
-        for message in whole
-        if message.acknowledged_at_ns is not None
-    ]
+    delays = [(m.sent_at_ns / _SECOND, (m.last_ns - m.sent_at_ns) / _SECOND) for m in ended_ones if m.last_ns]
+    least = min((delay for _, delay in delays), default=0.0)
+    above = percentiles(delay - least for _, delay in delays)
+    stretch, stretch_error = _stretch(delays)
     offered_bps, planned_bps = _offered_bps(ended)
     return MessageFigures(
         size=ended[0].size,
@@ -100,10 +110,14 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
         in_flight=in_flight,
         unknown=unknown,
         lost=len(ended) - len(whole) - in_flight - unknown,
-        latency=percentiles(latencies),
+        latency=percentiles(_latencies(whole)),
         receiver_bps=_receiver_bps(ended),
         busy_bps=_busy_bps(ended),
-        queue_growth_s=_growth(latencies),
+        packets=sum(message.chunks for message in ended_ones),
+        packets_lost=sum(message.chunks - _arrived_packets(message) for message in ended_ones),
+        delay_p95_s=None if above is None else above.p95,
+        stretch=stretch,
+        stretch_error=stretch_error,
         far_rate_bps=next((message.far_rate_bps for message in ended if message.far_rate_bps is not None), None),
         offered_bps=offered_bps,
         planned_bps=planned_bps,
@@ -151,9 +165,26 @@ def _first_chunk(message: MessageEnded) -> int:
     return min(octets, message.size)
 
 
-def _growth(latencies: Sequence[float]) -> float | None:
-    quarter = len(latencies) // _QUARTER
-    if not quarter:
-        return None
-    first, last = sorted(latencies[:quarter]), sorted(latencies[-quarter:])
-    return percentile(last, 0.5) - percentile(first, 0.5)
+def _arrived_packets(message: MessageEnded) -> int:
+    return -(-(message.received_size or 0) // (message.chunk_size or -(-message.size // message.chunks)))
+
+
+def _latencies(whole: Sequence[MessageEnded]) -> list[float]:
+    """Leave out the wait for a receiver's word that was lost: what it needs on the way back others tell."""
+    times = [(m, (m.acknowledged_at_ns or 0) - m.sent_at_ns, (m.last_ns or 0) - m.sent_at_ns) for m in whole]
+    back = median(taken - there for _, taken, there in times) if times else 0
+    return [
+        (taken if message.chunks_sent <= message.chunks else min(taken, there + back)) / _SECOND
+        for message, taken, there in times
+    ]
+
+
+def _stretch(delays: Sequence[tuple[float, float]]) -> tuple[float | None, float]:
+    """By how much the delay grows in each second (least squares), and the standard error of that."""
+    if len(delays) < _FEWEST or delays[0][0] == delays[-1][0]:
+        return None, 0.0
+    slope, first = linear_regression(*zip(*delays, strict=True))
+    centre = fmean(sent for sent, _ in delays)
+    squares = sum((delay - first - slope * sent) ** 2 for sent, delay in delays)
+    spread = sum((sent - centre) ** 2 for sent, _ in delays)
+    return slope, math.sqrt(squares / (len(delays) - 2) / spread)

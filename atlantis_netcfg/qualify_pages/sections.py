@@ -291,7 +291,7 @@ def _highest(record: QualifyRecord) -> PageSection:
     rows = tuple(
         (
             row.label,
-            UNKNOWN if row.rate_hz is None else f"{row.rate_hz:g} Hz",
+            UNKNOWN if row.rate_hz is None else f"{row.rate_hz:.3g} Hz",
             row.limited_by.value,
             "proved" if row.proved else "not proved",
             "-" if row.mb_per_hour is None else f"{row.mb_per_hour:.1f} MB/h{_money(row.price_per_hour, record.run)}",

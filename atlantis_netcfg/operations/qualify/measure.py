@@ -183,22 +183,18 @@ class Measurement:
         idle = self._messages(f"rate {size} 0", size, None)
         if idle is None:
             return
-        if idle.latency is None:
+        if idle.delay_p95_s is None:
             self.rates.append(SustainedRate(size, None, RateLimit.SILENCE, ()))
             return
         found = sustained_rate(
             size,
             lambda rate: self._messages(f"rate {size} {rate:g}", size, rate),
-            idle_latency_s=idle.latency.p50,
-            idle_loss=self._idle_loss,
+            idle_latency_s=0.0 if idle.latency is None else idle.latency.p50,
+            idle_loss=train_figures(self.samples, IDLE).flr.share_up,
             first_hz=self.plan.first_hz(size),
             highest_hz=HIGHEST_HZ,
         )
         self.rates.append(found)
-
-    @property
-    def _idle_loss(self) -> float:
-        return train_figures(self.samples, IDLE).loss.share
 
     def _messages(self, stream: str, size: int, rate_hz: float | None) -> MessageFigures | None:
         plan = self.plan.single(size) if rate_hz is None else self.plan.window(size, rate_hz)

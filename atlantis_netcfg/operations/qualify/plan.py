@@ -166,13 +166,12 @@ class QualifyPlan:
     def windows(self, size: int) -> Iterator[MessagePlan]:
         """Every window that the search may need where the declared rate is true."""
         rate, bad = self.first_hz(size), min(HIGHEST_HZ, 2 * self.carries_hz(size))
-        while rate <= HIGHEST_HZ:
+        yield self.window(size, rate)
+        while rate < bad:
+            rate = min(2 * rate, HIGHEST_HZ)
             yield self.window(size, rate)
-            if rate >= bad:
-                break
-            rate *= 2
         for _ in range(HALVINGS):
-            yield self.window(size, min(rate, HIGHEST_HZ))
+            yield self.window(size, rate)
 
 
 def thresholds_of(bearer: Bearer, *, rehearsed: bool = False) -> tuple[str, QualifyProfile]:
