@@ -99,8 +99,9 @@ class Upgrading:
         await self._send(seen, upgrade, journal)
         journal.write(Rebooting(device=self.name, version=str(upgrade.version)))
         self._say(Stage.APPLYING, f"rebooting into RouterOS {upgrade.version}")
+        before = asyncio.get_running_loop().time()
         await _reboot(self.endpoint)
-        back = await self._back()
+        back = await self._back(before)
         await self._verify(back, upgrade)
         journal.write(
             PackagesConfirmed(device=self.name, version=str(back.installed.version), packages=upgrade.expected)
@@ -151,8 +152,11 @@ class Upgrading:
             progress=progress,
         )
 
-    async def _back(self) -> SeenPackages:
-        """Wait for a device that was up for less time than has gone by: then it has rebooted. Raises OutcomeUnknown."""
+    async def _back(self, before: float) -> SeenPackages:
+        """Wait for a device that was up for less time than has gone by since `before`: then it has rebooted.
+
+        `before` is a time of the loop at which it had not been told yet. Raises OutcomeUnknown.
+        """
         clock = asyncio.get_running_loop().time
         began = clock()
         patient_s = self.waiting.connect_s
@@ -167,7 +171,7 @@ class Upgrading:
             except DeviceFailed as away:
                 why = str(away)
                 continue
-            if seen.uptime_s <= clock() - began + REBOOTED_WITHIN_S:
+            if seen.uptime_s <= clock() - before + REBOOTED_WITHIN_S:
                 return seen
             why = "it answers, but it has not rebooted"
         raise OutcomeUnknown(

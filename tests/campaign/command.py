@@ -147,12 +147,15 @@ class Command:
 
     def _listen(self, name: str, pipe: IO[bytes]) -> None:
         with contextlib.suppress(OSError, ValueError):
+            before = b""
             for line in pipe:
                 self._heard.append((name, line.decode(errors="replace")))
-                self._note(news=_REMINDER not in line)
+                self._note(news=_REMINDER not in line and line != before)
+                before = line
                 self.lines += 1
                 self.on_line(self.lines)
                 if self.closes:
+                    self.struck = True  # what it says from now on nobody hears
                     break
             pipe.close()
 

@@ -143,6 +143,15 @@ LOST = """  coastal-router     nothing was changed: its certificate is not known
 """
 
 
+def test_the_same_line_again_is_no_news(tmp_path: Path) -> None:
+    program = "import time\nfor _ in range(9):\n    print('waiting', flush=True)\n    time.sleep(0.05)\n"
+    (tmp_path / "atlantis_netcfg.py").write_text(program, encoding="utf-8")
+    command = Command((), {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}, tmp_path)
+    command.start(sys.executable)
+    assert command.finish().out == "waiting\n" * 9
+    assert command.idle_s - command.quiet_s >= 0.3
+
+
 def test_advice_that_needs_a_terminal_has_to_say_so() -> None:
     said, unsaid = advice.read(LOST, "coastal"), advice.read(LOST.replace(" on a terminal", ""), "coastal")
     assert said is not None

@@ -16,6 +16,7 @@ from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User, WireBehaviour
 from atlantis_netcfg.journal import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
+from atlantis_netcfg.operations import upgrade as upgrade_module
 from atlantis_netcfg.operations.upgrade import SeenPackages, Upgrading, WaitingUpgrade
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import SshEndpoint
@@ -170,9 +171,25 @@ def test_a_device_that_does_not_come_back_is_unknown(tmp_path: Path) -> None:
         running.do("router", "knobs", boot_s=0.0)
 
         async def until_back() -> Any:  # noqa: ANN401
-            return await upgrading._back()
+            return await upgrading._back(asyncio.get_running_loop().time())
 
         assert str(asyncio.run(until_back()).installed.version) == "7.21.5"
+
+
+def test_a_device_that_has_rebooted_before_its_session_ended_is_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A link that closes one way keeps the old session for a while, in which the device is up again already."""
+    reboot = upgrade_module._reboot
+
+    async def slow(endpoint: Endpoint) -> None:
+        await reboot(endpoint)
+        await asyncio.sleep(4.0)
+
+    monkeypatch.setattr(upgrade_module, "_reboot", slow)
+    monkeypatch.setattr(upgrade_module, "REBOOTED_WITHIN_S", 1.0)
+    with router(tmp_path, boot_s=0.1) as (_running, upgrading):
+        assert str(run(upgrading).installed.version) == "7.21.5"
 
 
 def test_a_package_that_the_device_does_not_take_is_told_in_its_words(tmp_path: Path) -> None:
