@@ -16,7 +16,7 @@ from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError
 from atlantis_netcfg.declaration.model import ServerComputer, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import admits, allowed, far_end
 from atlantis_netcfg.gateway.reflector import QUALIFY_SERVICE
-from atlantis_netcfg.operations.computers._access import computer_access
+from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
 from atlantis_netcfg.operations.vpn.link import ssh_command
 from atlantis_netcfg.qualify.measured_run import Selection
 from atlantis_netcfg.qualify.reflector.stamp import PORT, reflector_key
@@ -126,6 +126,8 @@ def open_far_end(declaration: Declaration, request: Request) -> None:
     except (OSError, subprocess.TimeoutExpired) as error:
         raise FarEndClosed(f"{host.name} did not open the far end of measurements: {error}", hint=hint) from None
     if done.returncode:
+        if (trouble := key_trouble(host.name, done.stderr)) is not None:
+            raise FarEndClosed(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
         last = done.stderr.strip().rpartition("\n")[2] or f"exit {done.returncode}"
         raise FarEndClosed(f"{host.name} did not open the far end of measurements: {last}", hint=hint)
 

@@ -285,6 +285,13 @@ def test_a_measurement_starts_the_program_at_the_far_end(ssh: Path) -> None:
     assert "HostKeyAlias=scc-control" in asked
 
 
+def test_a_far_end_with_another_key_is_told_as_such(ssh: Path) -> None:
+    (ssh / "says").write_text("echo '@ REMOTE HOST IDENTIFICATION HAS CHANGED! @' >&2; exit 255")
+    with pytest.raises(FarEndClosed, match=r"scc-control at 10\.64\.0\.11: it shows another SSH host key") as closed:
+        open_far_end(DECLARED, Request(state=ssh))
+    assert "`ssh-keygen -R scc-control`" in str(closed.value.hint)
+
+
 def test_nothing_is_measured_where_the_far_end_stays_closed(ssh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (ssh / "says").write_text("echo 'Unit atlantis-qualify.service not found.' >&2; exit 5")
     words = "scc-control did not open the far end of measurements: Unit atlantis-qualify.service not found."
