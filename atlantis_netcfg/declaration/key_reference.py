@@ -123,6 +123,7 @@ _FORMS: Mapping[str, str] = {
     "seen_on": '"2026-11-21"',
     "serial": "/dev/ttyUSB2",
     "sha256": "64 hex digits",
+    "shared_key_until": '"2027-03-31"',
     "signed_by": "[C. Officer]",
     "site": "coastal",
     "ssid": "EXAMPLE-NETWORK",

@@ -245,10 +245,10 @@ class Player:
         command.start(PYTHON)
         last_skip = time.monotonic()
         killed = False
-        while command.alive or any(other.alive for other in others):
+        while running := [each for each in (command, *others) if each.alive]:
             trap.look()
             now = time.monotonic()
-            idle = min((*(each.idle_s for each in (command, *others) if each.alive), trap.quiet_s))
+            idle = min((*(each.idle_s for each in running), trap.quiet_s))
             dead = idle > DEAD_S and not command.stopped and "--json" not in typed
             if dead or now - command.begun > HANG_S:
                 killed = True

@@ -226,7 +226,6 @@ ELSEWHERE = {
     "emulator/lab/stubs/archive.py": 6,
     "emulator/lab/stubs/programs/ros2.py": 2,
     "emulator/routeros/running.py": 1,
-    "emulator/routeros/storage.py": 1,  # adds lines to a file in its private folder
     "emulator/ssh.py": 1,
     # Tools of the checkout write its pages, which are in git.
     "declaration/argument_specs.py": 1,
