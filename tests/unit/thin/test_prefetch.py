@@ -6,14 +6,23 @@ import sys
 import time
 import zlib
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
+from ansible.parsing.dataloader import DataLoader
+from ansible.template import Templar
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import prefetch
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.action import prefetch as action
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.action.desired_state import (
+    ActionModule as DesiredState,
+)
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import prefetch, zipapp_action
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
 from atlantis_netcfg.core import remote_bundle
 
+ROOT = Path(__file__).parents[3]
 QUIET = {"variables": {}, "ours": [], "why": "because"}
 
 
@@ -125,3 +134,50 @@ def test_a_digest_tells_nothing_of_a_secret(monkeypatch: pytest.MonkeyPatch) -> 
     assert "short" not in json.dumps(before)
     monkeypatch.setattr(prefetch, "_KEY", bytes(32))
     assert prefetch.find_answer(before, asked) is None, "nobody without the key can compare a guess"
+
+
+def test_the_requests_are_those_of_the_role_up_to_what_depends_on_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    network = {"by": "netplan", "interface": "eth0", "address": "10.0.0.1/24"}
+    desired = {"packages": {"packages": [{"name": "chrony"}]}, "network": network}
+    monkeypatch.setattr(DesiredState, "perform", lambda requested: {"per_host": {requested.hosts[0]: desired}})
+    monkeypatch.setenv("ANSIBLE_ROLES_PATH", str(ROOT / "roles"))
+    loader = DataLoader()
+    made = action.ActionModule.__new__(action.ActionModule)
+    made._loader, made._templar = loader, Templar(loader)
+    made._task = SimpleNamespace(args={"roles": ["gateway_base", "no_such_role"]}, check_mode=False)
+    calls = dict(made._calls({"inventory_hostname": "station", "inventory_dir": str(ROOT / "inventory")}))
+    assert calls.keys() == {"clock", "packages", "network"}, "no bundle, nothing to configure, nothing to confirm yet"
+    assert calls["packages"] == {"packages": [{"name": "chrony"}]}, "what a task omits is left out"
+    assert calls["network"] == {**network, "action": "stage"}
+
+
+@pytest.mark.parametrize("book", ["computer", "operator_station"])
+def test_a_playbook_prefetches_the_roles_that_it_has(book: str) -> None:
+    first, *tasks = yaml.safe_load((ROOT / f"playbooks/computers/{book}.yml").read_text())
+    roles = [task["ansible.builtin.import_role"] for task in tasks if "ansible.builtin.import_role" in task]
+    assert first["atlantis.netcfg.prefetch"]["roles"] == [role["name"] for role in roles if "tasks_from" not in role]
+    assert first["register"] == prefetch.VARIABLE
+
+
+class Task(zipapp_action.ZipappAction):
+    """Calls a gateway that has been changed, and counts it."""
+
+    def __init__(self) -> None:
+        self._task = SimpleNamespace(no_log=True, check_mode=False)
+        self.calls = 0
+
+    def _called(self, name: str, data: bytes, variables: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002
+        self.calls += 1
+        return {"stdout": f'{MARK}{{"changed": true, "changes": ["clock set"]}}\n', "stderr": "", "rc": 0}
+
+
+def test_a_task_without_an_answer_calls_and_those_after_it_call_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(zipapp_action, "end_with_parent", lambda: None)
+    task = Task()
+    seen = variables(task.request("clock", {"now": 1.0, "tolerance_s": 300.0}, {}))
+    assert task.thin("clock", {"now": 2}, seen) == {"changes": [], "number": 0}
+    assert task.calls == 0
+    told = task.thin("clock", {"now": 2, "tolerance_s": 9}, seen)
+    assert (task.calls, told["changes"]) == (1, ["clock set"])
+    task.thin("clock", {"now": 2}, seen | {"ansible_facts": told["ansible_facts"]})
+    assert task.calls == 2

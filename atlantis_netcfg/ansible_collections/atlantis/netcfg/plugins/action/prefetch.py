@@ -111,7 +111,8 @@ class ActionModule(zipapp_action.ZipappAction):
             requested = TaskRequest(inventory_of(known), hosts, request, is_plan, arguments["part"])
             known[task["register"]] = DesiredState.perform(requested)
         elif name == "bundle_copy":
-            yield "bundle", {"id": bundle_of(Path(arguments["bundle"]))}
+            # It begins by calling the module `bundle`.
+            yield name.removesuffix("_copy"), {"id": bundle_of(Path(arguments["bundle"]))}
         elif find_spec(f"{zipapp_action.MODULES}.{name}") is not None:
             yield name, dict(arguments)
 
