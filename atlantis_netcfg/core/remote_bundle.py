@@ -75,6 +75,7 @@ def _files(plugins: Path) -> Iterator[tuple[str, str]]:
     yield "ansible/module_utils/basic.py", (_BOARD / "basic.py").read_text(encoding="utf-8")
     for package in ("ansible", "ansible/module_utils", "atlantis", "atlantis/modules", "atlantis/module_utils"):
         yield f"{package}/__init__.py", ""
+    yield "atlantis/modules/batch.py", (_BOARD / "batch.py").read_text(encoding="utf-8")
     for path in plugins.glob("module_utils/*.py"):
         if not path.name.startswith(_LIVE):
             yield f"atlantis/module_utils/{path.name}", path.read_text(encoding="utf-8")

@@ -25,6 +25,7 @@ from ansible.module_utils.common.parameters import remove_values
 from ansible.module_utils.errors import UnsupportedError
 from ansible.plugins.action import ActionBase
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import prefetch
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.remote_bundle import INSTALL, build
@@ -37,7 +38,7 @@ FOLDER: Final = "/var/lib/atlantis/tool"
 """On the gateways: the tool, under its SHA-256."""
 PYTHON: Final = (3, 8)
 """The oldest that the tool runs on: Ubuntu 20.04's."""
-_MODULES: Final = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules"
+MODULES: Final = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules"
 _ASKS: Final = "ATLANTIS-PYTHON "
 _VERSION: Final = f'import sys; print("\\n{_ASKS}%d %d" % sys.version_info[:2])'
 _NOT_FOUND: Final = 127
@@ -67,14 +68,24 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         parameters, secrets, wrong = checked(name, arguments)
         if wrong is not None:
             return masked({"failed": True, "msg": wrong}, secrets)
+        requested = self.request(name, parameters, variables)
+        if (prefetched := prefetch.find_answer(variables, requested)) is not None:
+            return prefetched
+        values: dict[str, Any] = printable.cleaned(masked(self.call(name, requested, variables), secrets))
+        return values | prefetch.discard(variables)
+
+    def request(self, name: str, parameters: Mapping[str, Any], variables: dict[str, Any]) -> dict[str, Any]:
+        """Make what the gateway gets over standard input."""
         quiet = self._task.no_log or constants.config.get_config_value("DEFAULT_NO_TARGET_SYSLOG", variables=variables)
-        requested = {"name": name, "params": parameters, "check": bool(self._task.check_mode), "log": not quiet}
+        return {"name": name, "params": parameters, "check": bool(self._task.check_mode), "log": not quiet}
+
+    def call(self, name: str, requested: object, variables: dict[str, Any]) -> dict[str, Any]:
+        """Send it and give what is answered, as it is."""
         try:
-            result = self._called(name, zlib.compress(json.dumps(requested, default=str).encode(), 9), variables)
+            data = zlib.compress(json.dumps(requested, default=str).encode(), 9)
+            return answer(self._called(name, data, variables), name)
         except AnsibleConnectionFailure as error:
             raise _shown(error) from None
-        values: dict[str, Any] = printable.cleaned(masked(answer(result, name), secrets))
-        return values
 
     def _called(self, name: str, data: bytes, variables: dict[str, Any]) -> dict[str, Any]:
         tool, python = build(), self._python(variables)
@@ -126,7 +137,7 @@ def _shown(error: AnsibleConnectionFailure) -> AnsibleConnectionFailure:
 
 def checked(name: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], set[str], str | None]:
     """Compare arguments with a module's spec: complete parameters, what of them is secret, and what is wrong."""
-    module = import_module(f"{_MODULES}.{name}")
+    module = import_module(f"{MODULES}.{name}")
     validator = ArgumentSpecValidator(module.ARGUMENTS, **getattr(module, "RULES", {}))
     found = validator.validate(dict(arguments))
     wrong = None
@@ -147,7 +158,7 @@ def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
         except ValueError:
             found = None
         if isinstance(found, dict):
-            return {key: value for key, value in found.items() if not key.startswith(_ANSIBLES)}
+            return without_ansible(found)
     if "python" in values:
         is_there, needed = (".".join(map(str, version)) for version in (values["python"], PYTHON))
         words = f"this computer has Python {is_there}, and at least {needed} is needed"
@@ -160,6 +171,11 @@ def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
     last = _last([*lines, *str(values["stderr"]).split("\n")])
     words = f"{name} was cut off on this computer (exit {values['rc']})" + (f":\n{last}" if last else " without a word")
     return {"failed": True, "msg": words, "hint": "type the same again: it goes on from whatever was left"}
+
+
+def without_ansible(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Leave out what Ansible would act on."""
+    return {key: value for key, value in result.items() if not key.startswith(_ANSIBLES)}
 
 
 def masked(result: Mapping[str, Any], secrets: Iterable[str]) -> dict[str, Any]:

@@ -37,17 +37,18 @@ class AnsibleModule:
     @staticmethod
     def exit_json(**result: Any) -> NoReturn:  # noqa: ANN401 - as Ansible has it
         """Tell a success and end."""
-        _tell(result)
+        tell_result(result)
         sys.exit(0)
 
     @staticmethod
     def fail_json(msg: str, **result: Any) -> NoReturn:  # noqa: ANN401 - as Ansible has it
         """Tell a failure and end."""
-        _tell({**result, "failed": True, "msg": msg})
+        tell_result({**result, "failed": True, "msg": msg})
         sys.exit(1)
 
 
-def _tell(result: dict[str, Any]) -> None:
+def tell_result(result: dict[str, Any]) -> None:
+    """Write the last line of this program."""
     text = json.dumps(result, ensure_ascii=False, separators=(",", ":"))
     sys.stdout.flush()
     sys.stdout.buffer.write(f"\n{MARK}{text}\n".encode("utf-8", "replace"))

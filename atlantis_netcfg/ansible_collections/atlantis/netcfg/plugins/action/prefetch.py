@@ -1,0 +1,126 @@
+"""Action `atlantis.netcfg.prefetch`: asks in one call what tasks of several roles would ask in one call each.
+
+It reads the tasks of the roles and works out the arguments of our modules as Ansible will. The gateway runs them in
+order until one finds something to do; each task then takes its answer, or calls the gateway itself
+(`plugin_utils/prefetch`). What cannot be worked out is left to its task, as if there was no prefetch.
+
+Arguments: `roles`, in their order, and `request`. The result is to be registered as `computer_prefetch`.
+"""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from ansible import constants
+from ansible.errors import AnsibleError, AnsibleUndefinedVariable
+from ansible.plugins.action import ActionBase
+
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.action.desired_state import (
+    ActionModule as DesiredState,
+)
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import prefetch, zipapp_action
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.engine_action import (
+    TaskRequest,
+    inventory_of,
+)
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.worker import end_with_parent
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+_COLLECTION: Final = "atlantis.netcfg."
+
+
+class ActionModule(zipapp_action.ZipappAction):
+    """One host."""
+
+    _VALID_ARGS = frozenset({"roles", "request"})
+
+    def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
+        """Ask for the modules of the roles; a refusal is left to the task that would get it."""
+        result: dict[str, Any] = ActionBase.run(self, tmp, task_vars)
+        end_with_parent()
+        variables = task_vars or {}
+        requests, secrets = [], []
+        try:
+            for name, arguments in self._calls(variables):
+                parameters, secret, wrong = zipapp_action.checked(name, arguments)
+                if wrong is not None:
+                    break
+                requests.append(self.request(name, parameters, variables))
+                secrets.append(secret)
+        except (AnsibleError, NetcfgError, OSError) as error:
+            self._display.vvv(printable.lines(f"prefetch ends: {error}"))
+        answers = self.call("batch", requests, variables).get("answers", []) if requests else []
+        shown = [
+            printable.cleaned(zipapp_action.masked(zipapp_action.without_ansible(answer), secret))
+            for answer, secret in zip(answers, secrets, strict=False)
+        ]
+        return {**result, "changed": False, **prefetch.pack(requests, shown)}
+
+    def _calls(self, variables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Give module and arguments of each task, in order. Raises AnsibleError, NetcfgError, OSError."""
+        folders = [Path(folder) for folder in constants.config.get_config_value("DEFAULT_ROLES_PATH")]
+        known = dict(variables)
+        for role in self._task.args["roles"]:
+            paths = [folder / role / "tasks" / "main.yml" for folder in folders]
+            for path in [path for path in paths if path.exists()][:1]:
+                yield from self._of_file(path, known, {})
+
+    def _of_file(
+        self, path: Path, known: dict[str, Any], scope: dict[str, Any]
+    ) -> Iterator[tuple[str, dict[str, Any]]]:
+        tasks = self._loader.load_from_file(str(path), trusted_as_template=True)
+        return self._of_block({"block": tasks}, path.parent, known, scope)
+
+    def _of_block(
+        self, block: Mapping[str, Any], folder: Path, known: dict[str, Any], scope: Mapping[str, Any]
+    ) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield the calls of its tasks; `known` gets what `desired_state` registers, `scope` is the block's `vars`."""
+        defaults = block.get("module_defaults", {})
+        for task in block["block"]:
+            variables = {**scope, **task.get("vars", {})}
+            templar = self._templar.copy_with_new_env(available_variables={**known, **variables})
+            if not _applies(task, templar):
+                continue
+            if "block" in task:
+                yield from self._of_block(task, folder, known, variables)
+            elif (file := task.get("ansible.builtin.include_tasks")) is not None:
+                yield from self._of_file(folder / file, known, variables)
+            for action in task:
+                name = action.removeprefix(_COLLECTION)
+                if name != action:
+                    given = templar.template({"given": task[action] or {}})["given"]
+                    arguments = {**templar.template(defaults.get(action, {})), **given}
+                    yield from self._of_action(name, arguments, task, known)
+
+    def _of_action(
+        self, name: str, arguments: Mapping[str, Any], task: Mapping[str, Any], known: dict[str, Any]
+    ) -> Iterator[tuple[str, dict[str, Any]]]:
+        from atlantis_netcfg.operations.computers.parts import bundle_of  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.request import of_variables  # noqa: PLC0415 - as above
+
+        if name == "desired_state":
+            # What it refuses, the task tells.
+            request = {**of_variables({**known, "atlantis_request": arguments.get("request")}), "events_fd": None}
+            hosts, is_plan = (known["inventory_hostname"],), bool(self._task.check_mode)
+            requested = TaskRequest(inventory_of(known), hosts, request, is_plan, arguments["part"])
+            known[task["register"]] = DesiredState.perform(requested)
+        elif name == "bundle_copy":
+            # It begins by calling the module `bundle`.
+            yield name.removesuffix("_copy"), {"id": bundle_of(Path(arguments["bundle"]))}
+        elif find_spec(f"{zipapp_action.MODULES}.{name}") is not None:
+            yield name, dict(arguments)
+
+
+def _applies(task: Mapping[str, Any], templar: Any) -> bool:  # noqa: ANN401 - ansible-core ships no type information
+    """Whether it would be run; one that depends on an answer is left out."""
+    conditions = task.get("when", [])
+    try:
+        return all(map(templar.evaluate_conditional, conditions if isinstance(conditions, list) else [conditions]))
+    except AnsibleUndefinedVariable:
+        return False

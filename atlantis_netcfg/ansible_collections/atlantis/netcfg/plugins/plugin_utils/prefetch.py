@@ -1,0 +1,55 @@
+"""Answers that one call of the action `prefetch` has got for the tasks after it.
+
+A task takes one only for the very request that it would send itself, within a minute, and as long as no task before it
+had to call the gateway: from then on the gateway may be another than the one that answered.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+VARIABLE: Final = "computer_prefetch"
+"""Where playbooks register the result of the action. A registered variable ends with the run; no cache keeps it."""
+_DISCARDED: Final = "atlantis_prefetch_discarded"
+"""The fact that names the result of which nothing is to be taken any more."""
+_MAX_AGE_S: Final = 60.0
+_TIMES: Final = {"clock": "now"}
+"""Arguments that are another in each call, and request the same."""
+_KEY: Final = os.urandom(32)
+"""Tasks are forks of the process that has made it. Requests hold secrets: without a key, a digest could be guessed."""
+
+
+def pack(requests: Iterable[Mapping[str, Any]], answers: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Make the result of the action; `answers` are those to the first of the requests."""
+    pairs = zip(requests, answers, strict=False)
+    values = {_digest(request): dict(answer) for request, answer in pairs}
+    return {"id": os.urandom(8).hex(), "monotonic_s": time.monotonic(), "answers": values}
+
+
+def find_answer(variables: Mapping[str, Any], request: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Give the answer to this very request, if there is one and it still counts."""
+    result = variables.get(VARIABLE) or {}
+    is_discarded = (variables.get("ansible_facts") or {}).get(_DISCARDED) == result.get("id")
+    if is_discarded or time.monotonic() - result.get("monotonic_s", 0.0) > _MAX_AGE_S:
+        return None
+    answer = result["answers"].get(_digest(request))
+    return None if answer is None else dict(answer)
+
+
+def discard(variables: Mapping[str, Any]) -> dict[str, Any]:
+    """Give what makes a task's result end the use of the answers."""
+    result = variables.get(VARIABLE) or {}
+    return {"ansible_facts": {_DISCARDED: result["id"]}} if "id" in result else {}
+
+
+def _digest(request: Mapping[str, Any]) -> str:
+    params = {name: value for name, value in request["params"].items() if name != _TIMES.get(request["name"])}
+    text = json.dumps({**request, "params": params}, default=str, sort_keys=True)
+    return hashlib.blake2b(text.encode(), key=_KEY).hexdigest()
