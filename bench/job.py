@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from bench.declared import Declared
 
-__all__ = ["Command", "Contender", "Job", "Scenario"]
+__all__ = ["RACES", "Command", "Contender", "Job", "Scenario"]
 
 
 class Scenario(StrEnum):
@@ -25,6 +25,12 @@ class Scenario(StrEnum):
     """Nothing: the router is as declared, and that has to be found out."""
     FIREWALL = "firewall"
     """Twenty rules of the filter: fifteen are missing, five have another value."""
+    USE = "use"
+    """Another link for half an hour: a job of the scheduler and two routes. Only we have such a command."""
+
+
+RACES = (Scenario.FIRST, Scenario.NOTHING, Scenario.FIREWALL)
+"""What everybody is asked to do."""
 
 
 @dataclass(frozen=True, slots=True)

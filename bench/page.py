@@ -24,6 +24,7 @@ _TITLES = {
     Scenario.FIRST: "The first configuration of the coastal router",
     Scenario.NOTHING: "Nothing to do",
     Scenario.FIREWALL: "A change of twenty firewall rules",
+    Scenario.USE: "Another link for half an hour",
 }
 _INTRO = """\
 # Benchmarks

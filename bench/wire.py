@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import re
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import ignore
@@ -18,8 +19,9 @@ from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterLink
 from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.operations.request import LinkOrder, Target
 from atlantis_netcfg.routeros import converge
+from atlantis_netcfg.routeros.link_use import SETTLED_S
 from bench.declared import ROUTER, SITE, Declared
 from bench.edits import FILTER, damage
 from bench.job import Scenario
@@ -36,10 +38,14 @@ __all__ = ["SATELLITE", "WireFigure", "measured", "part", "published", "replaced
 
 SATELLITE = Shape.read("700/352/704")
 """Iridium Certus: 700 ms, 352 kbit/s up, 704 down."""
+_USE = LinkOrder(
+    link="4g", since_uptime_s=1, until_uptime_s=SETTLED_S + 1800, until=datetime(2030, 1, 1, 12, 30, tzinfo=UTC)
+)
 _TITLE = "## Our own run on the wire\n"
 _WORDS = """\
 What the command that a technician types sends and receives, exactly, on whatever link. Handshakes of TCP and TLS are
-counted. A test types the command again, and fails where its bytes are 2 % from these.
+counted, and of `use` the look at the links that comes before it. A test types the command again, and fails where its
+bytes are 2 % from these.
 """
 _ROW = re.compile(r"^\| ([a-z-]+) \| (\d+) \| (\d+) \| (\d+) \|$", re.MULTILINE)
 
@@ -54,28 +60,34 @@ class WireFigure:
 
 
 async def measured(folder: Path, shape: Shape) -> dict[Scenario, WireFigure]:
-    """Configure a router that was just adopted, find nothing to do on it, put twenty rules of its firewall right."""
+    """Configure a router that was just adopted, find nothing to do on it, put its firewall right, use another link."""
     declared = Declared.make(folder)
     twin = declared.twin
     router = EmulatedRouter(
         twin.router, state_dir=folder / "flash", link=RouterLink(), knobs=twin.knobs, ports=twin.ports
     )
     figures = {}
-    for scenario in (Scenario.FIRST, Scenario.NOTHING, Scenario.FIREWALL):
+    for scenario in Scenario:
         # Started anew, so that its history is short, as that of the bench's routers.
         async with router:
             if scenario is Scenario.FIREWALL:
                 await _damage(router)
                 await router.restart()
+            if scenario is Scenario.USE:
+                await asyncio.sleep(SETTLED_S)
             async with Proxy("127.0.0.1", 0, (router.host, router.ports["api-ssl"]), shape) as proxy:
-                figures[scenario] = await _run(declared, router, proxy, folder / "state")
+                figures[scenario] = await _run(
+                    declared, router, proxy, folder / "state", _USE if scenario is Scenario.USE else None
+                )
     return figures
 
 
-async def _run(declared: Declared, router: EmulatedRouter, proxy: Proxy, state: Path) -> WireFigure:
+async def _run(
+    declared: Declared, router: EmulatedRouter, proxy: Proxy, state: Path, use: LinkOrder | None
+) -> WireFigure:
     host, port = proxy.address
     target = Target(host=host, port=port, pin=router.pin or "", host_key=router.host_key)
-    request = Request(state=state, rehearsed=True, targets={ROUTER: target})
+    request = Request(state=state, rehearsed=True, targets={ROUTER: target}, use=use)
     run = RunStarted(site=SITE, revision="", tool="", hosts=(ROUTER,), rehearsed=True, command="make bench")
     clock = asyncio.get_running_loop().time
     with Store(state, rehearsed=True).start(run) as journal:

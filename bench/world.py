@@ -14,6 +14,7 @@ from itertools import count, groupby
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, spawn
+from atlantis_netcfg.routeros.link_use import SETTLED_S
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.rsc import parse, print_statement
 from bench import edits, measure, namespace
@@ -28,7 +29,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Stage", "World"]
 
-_STARTS = {Scenario.FIRST: "adopted", Scenario.NOTHING: "finished", Scenario.FIREWALL: "edited"}
+_STARTS = {
+    Scenario.FIRST: "adopted",
+    Scenario.NOTHING: "finished",
+    Scenario.FIREWALL: "edited",
+    Scenario.USE: "finished",
+}
 _API_SSL, _SSH = 8729, 22
 _PATIENCE_S = 30.0
 
@@ -109,6 +115,8 @@ class World:
         with ExitStack() as stack:
             twins = stack.enter_context(self._twins(folder / "twins"))
             ready = twins.ready[ROUTER]
+            if scenario is Scenario.USE:
+                twins.do(ROUTER, "wait", seconds=SETTLED_S)
             proxies = stack.enter_context(Proxies(self._doors(ready), shape))
             yield Stage(self._job(scenario, folder, ready, proxies), proxies, twins, self._expected)
 

@@ -36,8 +36,12 @@ class Ours:
             "ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg"),
         }
         if job.real:
-            words = (f"site={SITE}", f"only={ROUTER}", "--yes", f"inventory={job.declared.inventory}")
+            only = (f"site={SITE}", f"only={ROUTER}")
+            begun = ("use", f"site={SITE}", "link=4g", "for=30m", "--accept-cost")
+            words = (*(begun if job.scenario is Scenario.USE else only), "--yes", f"inventory={job.declared.inventory}")
             return Command((sys.executable, "-P", "-m", "atlantis_netcfg", *words), environment)
+        if job.scenario is Scenario.USE:
+            raise LookupError("without root the router cannot stand at its declared address")
         target = f"{ROUTER}={job.host}:{job.port}:{job.pin}"
         given = (str(job.declared.inventory), str(state), target)
         note = "without root the router cannot stand at its declared address: the playbook is run without the command"
