@@ -83,7 +83,7 @@ class Vpn(Model):
     force_cookie: StrictBool = False
     """Whether clients must answer a cookie; routers, and OpenVPN before 2.6, get the shared key then."""
     shared_key_until: Day | None = None
-    """Last day (UTC) on which clients with the shared key may begin a session; null: no end. Over UDP alone."""
+    """Last day (UTC) on which clients with the shared key may begin a session; null: no end. Over UDP only."""
     robot_openvpn: OpenVpnVersion | None = None
     """OpenVPN of the robots of which `vehicles` says nothing; null: that of the Ubuntu of `dds.distribution`."""
     services: tuple[VpnService, ...] = ()

@@ -72,7 +72,7 @@ def shared_key_end(draft: Draft) -> Iterator[Finding]:
     """The server's kernel keeps the end of the shared key; it can tell its packets apart over UDP alone."""
     if draft.pilot is None or draft.pilot.vpn.shared_key_until is None or draft.pilot.vpn.transport is Transport.UDP:
         return
-    message = "the shared key can be given an end over UDP alone, and `transport` is tcp"
+    message = "`shared_key_until` works over UDP only, and `transport` is tcp"
     yield draft.wrong(Part("pilot"), ("vpn", "shared_key_until"), message, "leave it out, or write `transport: udp`")
 
 

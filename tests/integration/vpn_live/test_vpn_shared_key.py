@@ -1,4 +1,4 @@
-"""The key that many clients share has an end that the server keeps, and the cookie shuts out who does not answer it."""
+"""The end date of the shared key, and `force-cookie` with clients of OpenVPN 2.5 and 2.6."""
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -52,7 +52,7 @@ def test_after_the_last_day_of_the_shared_key_no_session_begins_with_it(
         assert not later.up
 
 
-def test_the_cookie_admits_a_client_of_now_and_the_shared_key_one_of_before(
+def test_force_cookie_admits_openvpn_2_6_and_leaves_2_5_the_shared_key(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = OLDER / "openvpn" / "usr" / "sbin" / "openvpn"

@@ -56,60 +56,60 @@ class ActionModule(zipapp_action.ZipappAction):
         except (AnsibleError, NetcfgError, OSError) as error:
             self._display.vvv(printable.lines(f"prefetch ends: {error}"))
         answers = self.call("batch", requests, variables).get("answers", []) if requests else []
-        shown = [
+        clean_answers = [
             printable.cleaned(zipapp_action.masked(zipapp_action.without_ansible(answer), secret))
             for answer, secret in zip(answers, secrets, strict=False)
         ]
-        return {**result, "changed": False, **prefetch.pack(requests, shown)}
+        return {**result, "changed": False, **prefetch.pack(requests, clean_answers)}
 
     def _calls(self, variables: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
         """Give module and arguments of each task, in order. Raises AnsibleError, NetcfgError, OSError."""
         folders = [Path(folder) for folder in constants.config.get_config_value("DEFAULT_ROLES_PATH")]
-        known = dict(variables)
+        host_vars = dict(variables)
         for role in self._task.args["roles"]:
             paths = [folder / role / "tasks" / "main.yml" for folder in folders]
             for path in [path for path in paths if path.exists()][:1]:
-                yield from self._of_file(path, known, {})
+                yield from self._of_file(path, host_vars, {})
 
     def _of_file(
-        self, path: Path, known: dict[str, Any], scope: dict[str, Any]
+        self, path: Path, host_vars: dict[str, Any], scope: dict[str, Any]
     ) -> Iterator[tuple[str, dict[str, Any]]]:
         tasks = self._loader.load_from_file(str(path), trusted_as_template=True)
-        return self._of_block({"block": tasks}, path.parent, known, scope)
+        return self._of_block({"block": tasks}, path.parent, host_vars, scope)
 
     def _of_block(
-        self, block: Mapping[str, Any], folder: Path, known: dict[str, Any], scope: Mapping[str, Any]
+        self, block: Mapping[str, Any], folder: Path, host_vars: dict[str, Any], scope: Mapping[str, Any]
     ) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield the calls of its tasks; `known` gets what `desired_state` registers, `scope` is the block's `vars`."""
+        """Yield the calls of its tasks; what `desired_state` registers goes into `host_vars`; `scope`: the `vars`."""
         defaults = block.get("module_defaults", {})
         for task in block["block"]:
             variables = {**scope, **task.get("vars", {})}
-            templar = self._templar.copy_with_new_env(available_variables={**known, **variables})
+            templar = self._templar.copy_with_new_env(available_variables={**host_vars, **variables})
             if not _applies(task, templar):
                 continue
             if "block" in task:
-                yield from self._of_block(task, folder, known, variables)
+                yield from self._of_block(task, folder, host_vars, variables)
             elif (file := task.get("ansible.builtin.include_tasks")) is not None:
-                yield from self._of_file(folder / file, known, variables)
+                yield from self._of_file(folder / file, host_vars, variables)
             for action in task:
                 name = action.removeprefix(_COLLECTION)
                 if name != action:
-                    given = templar.template({"given": task[action] or {}})["given"]
-                    arguments = {**templar.template(defaults.get(action, {})), **given}
-                    yield from self._of_action(name, arguments, task, known)
+                    values = templar.template({"values": task[action] or {}})["values"]
+                    arguments = {**templar.template(defaults.get(action, {})), **values}
+                    yield from self._of_action(name, arguments, task, host_vars)
 
     def _of_action(
-        self, name: str, arguments: Mapping[str, Any], task: Mapping[str, Any], known: dict[str, Any]
+        self, name: str, arguments: Mapping[str, Any], task: Mapping[str, Any], host_vars: dict[str, Any]
     ) -> Iterator[tuple[str, dict[str, Any]]]:
         from atlantis_netcfg.operations.computers.parts import bundle_of  # noqa: PLC0415 - Ansible imports every action plugin
         from atlantis_netcfg.operations.request import of_variables  # noqa: PLC0415 - as above
 
         if name == "desired_state":
             # What it refuses, the task tells.
-            request = {**of_variables({**known, "atlantis_request": arguments.get("request")}), "events_fd": None}
-            hosts, is_plan = (known["inventory_hostname"],), bool(self._task.check_mode)
-            requested = TaskRequest(inventory_of(known), hosts, request, is_plan, arguments["part"])
-            known[task["register"]] = DesiredState.perform(requested)
+            request = {**of_variables({**host_vars, "atlantis_request": arguments.get("request")}), "events_fd": None}
+            hosts, is_plan = (host_vars["inventory_hostname"],), bool(self._task.check_mode)
+            task_request = TaskRequest(inventory_of(host_vars), hosts, request, is_plan, arguments["part"])
+            host_vars[task["register"]] = DesiredState.perform(task_request)
         elif name == "bundle_copy":
             # It begins by calling the module `bundle`.
             yield name.removesuffix("_copy"), {"id": bundle_of(Path(arguments["bundle"]))}

@@ -1,4 +1,4 @@
-"""Answers that one call of the action `prefetch` has got for the tasks after it.
+"""Answers of the action `prefetch`, which the tasks after it may use.
 
 A task takes one only for the very request that it would send itself, within a minute, and as long as no task before it
 had to call the gateway: from then on the gateway may be another than the one that answered.

@@ -69,8 +69,8 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         if wrong is not None:
             return masked({"failed": True, "msg": wrong}, secrets)
         requested = self.request(name, parameters, variables)
-        if (prefetched := prefetch.find_answer(variables, requested)) is not None:
-            return prefetched
+        if (early_answer := prefetch.find_answer(variables, requested)) is not None:
+            return early_answer
         values: dict[str, Any] = printable.cleaned(masked(self.call(name, requested, variables), secrets))
         return values | prefetch.discard(variables)
 

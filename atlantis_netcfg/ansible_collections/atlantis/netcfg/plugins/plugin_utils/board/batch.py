@@ -37,9 +37,9 @@ def _run(request: dict[str, Any]) -> dict[str, Any]:
     """Run one module as a program of its own; one that tells no result has failed."""
     words = [sys.executable, "-I", sys.argv[0], request["name"]]
     data = zlib.compress(json.dumps(request).encode())
-    done = subprocess.run(  # noqa: S603 - this very program
+    process = subprocess.run(  # noqa: S603 - this very program
         words, input=data, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=False
     )
-    lines = done.stdout.decode("utf-8", "replace").split("\n")
+    lines = process.stdout.decode("utf-8", "replace").split("\n")
     text = next((line[len(MARK) :] for line in reversed(lines) if line.startswith(MARK)), None)
     return {"failed": True} if text is None else {"failed": False, **json.loads(text)}
