@@ -27,7 +27,7 @@ from atlantis_netcfg.checklist.confirmations import (
     spoken,
 )
 from atlantis_netcfg.checklist.history import last_green, since
-from atlantis_netcfg.checklist.report import Document, Item, LeftOut, Phase
+from atlantis_netcfg.checklist.report import Document, Item, LeftOut
 from atlantis_netcfg.checklist.verifying import close_book
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.journal import SiteLock, utc_now
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-    from atlantis_netcfg.checklist.plan import Checklist, PlanEntry
+    from atlantis_netcfg.checklist.plan import Checklist
 
 _FEW = 8
 
@@ -105,11 +105,6 @@ class Book:
         """The evidence that the items name, by `Evidence.file`."""
         names = dict.fromkeys(evidence.file for item in self.items for evidence in item.evidence if evidence.file)
         return {name: (self.folder / name).read_bytes() for name in names}
-
-    def entries_open(self, phase: Phase | None = None) -> tuple[PlanEntry, ...]:
-        """What is not settled yet, of a phase or of all."""
-        waiting = [self._entries[item.id] for item in self.items if item.open and item.override is None]
-        return tuple(entry for entry in waiting if phase is None or entry.item.phase is phase)
 
     def item(self, name: str) -> Item:
         """One item by its id. Raises Refused."""

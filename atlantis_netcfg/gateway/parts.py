@@ -8,21 +8,13 @@ The files have the names and say the words that `provision image` gives a card, 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.declaration.model import AddressBy, NetworkTool, SiteComputer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
-
-
-class GatewayPart(Protocol):
-    """What one role wants of one host."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """The parameters of the role's modules, as JSON-able data, by the module's name."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,6 @@ from atlantis_netcfg.journal.records import (
     SETTLED,
     ActionsAcknowledged,
     ActionsConfirmed,
-    DeviceObserved,
     LayerSent,
     Outcome,
     Protected,
@@ -199,11 +198,6 @@ class Run:
     def confirmed_devices(self) -> frozenset[str]:
         """Devices of which the run has kept the state that it read back."""
         return frozenset(record.device for record in self.log.records if isinstance(record, StateConfirmed))
-
-    def state_before(self, device: str) -> str | None:
-        """The digest of what was read at the start."""
-        seen = next((record for record in self._of(device) if isinstance(record, DeviceObserved)), None)
-        return None if seen is None else seen.state
 
     def acknowledged(self, device: str) -> tuple[int, ...]:
         """Actions that the device says it executed."""

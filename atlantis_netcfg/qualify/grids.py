@@ -18,7 +18,7 @@ from atlantis_netcfg.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, MIN_LOST,
 from atlantis_netcfg.qualify.session import TrainPlan
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from atlantis_netcfg.qualify.figures import TrainFigures
     from atlantis_netcfg.qualify.transfers import MessageFigures
@@ -90,20 +90,6 @@ def telemetry_plan(octets: int, rate_hz: float, duration_s: float) -> TrainPlan:
 def image_plan(image: NominalImage, rate_hz: float, duration_s: float) -> MessagePlan:
     """Give a stream of images, best effort."""
     return MessagePlan(image.octets, rate_hz, duration_s)
-
-
-def telemetry_plans(duration_s: float) -> Iterator[tuple[int, float, TrainPlan]]:
-    """Every size and rate."""
-    for octets in TELEMETRY_SIZES:
-        for rate_hz in TELEMETRY_RATES_HZ:
-            yield octets, rate_hz, telemetry_plan(octets, rate_hz, duration_s)
-
-
-def image_plans(duration_s: float) -> Iterator[tuple[NominalImage, float, MessagePlan]]:
-    """Every image and rate."""
-    for image in IMAGES:
-        for rate_hz in IMAGE_RATES_HZ:
-            yield image, rate_hz, image_plan(image, rate_hz, duration_s)
 
 
 def train_bytes(plan: TrainPlan, headers: int) -> int:

@@ -115,8 +115,3 @@ def sustained_rate(  # noqa: PLR0913 - each has its name where it is given
         else:
             halvings += 1
             rate = math.sqrt(good * bad)
-
-
-def loss_of_chunks(packet_loss: float, chunks: int) -> float:
-    """Give the share of messages that lack a chunk, where packets are lost independently of each other."""
-    return 1 - (1 - packet_loss) ** chunks

@@ -120,11 +120,16 @@ class Desk:
             return book.folder
 
 
+def open_items(book: Book, phase: Phase | None = None) -> list[Item]:
+    """What nobody has settled or overridden, of a phase or of all."""
+    return [item for item in book.items if item.open and item.override is None and phase in {None, item.phase}]
+
+
 def answer(book: Book, verdicts: Mapping[str, Verdict] | None = None) -> None:
-    for one in book.entries_open():
-        verdict = (verdicts or {}).get(one.item.id, Verdict.PASS)
-        if one.item.kind is ItemKind.PERSON:
+    for item in open_items(book):
+        verdict = (verdicts or {}).get(item.id, Verdict.PASS)
+        if item.kind is ItemKind.PERSON:
             note = "" if verdict is Verdict.PASS else "seen so"
-            book.confirm(one.item.id, Confirmation(verdict, NAME, note))
+            book.confirm(item.id, Confirmation(verdict, NAME, note))
         else:
-            book.settle(found(one.item.id, verdict))
+            book.settle(found(item.id, verdict))

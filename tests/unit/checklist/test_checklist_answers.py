@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from answers_cases import cases, told
-from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, checklist, found
+from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, checklist, found, open_items
 
 from atlantis_netcfg.checklist import Answers, AnswersInvalid, Confirmation, Overriding, SigningRefused
 from atlantis_netcfg.core.errors import ExitCode, UsageError
@@ -70,7 +70,7 @@ def test_it_is_written_into_a_book(desk: Desk, tmp_path: Path) -> None:
         book.settle(found(DHCP, Verdict.FAIL))
         spare = answers.write_down(book, heard.append)
         assert book.item(DHCP).counts is Verdict.WARN
-        assert [one.item.id for one in book.entries_open()] == [PING]
+        assert [item.id for item in open_items(book)] == [PING]
         assert len(book.files) == 1
     assert spare == ("`sparus/wifi` is PASS: its override is not needed",)
     assert [item.id for item in heard] == [FAILSAFE, USBL, DHCP]

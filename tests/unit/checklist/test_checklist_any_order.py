@@ -4,7 +4,7 @@ import tempfile
 from pathlib import Path
 
 import yaml
-from checklist_bench import EVERY, NAME, Desk, checklist, found, pages
+from checklist_bench import EVERY, NAME, Desk, checklist, found, open_items, pages
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -35,7 +35,7 @@ def _do(desk: Desk, deeds: list[tuple[str, str, Verdict]]) -> None:
             book.close()
             book = desk.open()
             assert (book.run, book.items) == (run, before)
-    waiting = [one.item.id for one in book.entries_open()]
+    waiting = [item.id for item in open_items(book)]
     document = book.sign(NAME, pages, leave=dict.fromkeys(waiting, "later"))
     book.close()
     assert verify(book.folder) == ()

@@ -10,7 +10,22 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from checklist_bench import DHCP, EVERY, FAILSAFE, HEAD, NAME, PING, SKIPPED, USBL, WIFI, Desk, answer, found, pages
+from checklist_bench import (
+    DHCP,
+    EVERY,
+    FAILSAFE,
+    HEAD,
+    NAME,
+    PING,
+    SKIPPED,
+    USBL,
+    WIFI,
+    Desk,
+    answer,
+    found,
+    open_items,
+    pages,
+)
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
@@ -28,8 +43,8 @@ def desk(tmp_path: Path) -> Desk:
 
 def test_a_new_book_has_everything_open_but_what_does_not_apply(desk: Desk) -> None:
     with desk.open() as book:
-        assert [one.item.id for one in book.entries_open()] == [name for name in EVERY if name != SKIPPED]
-        assert [one.item.id for one in book.entries_open(Phase.WATER)] == [PING, USBL]
+        assert [item.id for item in open_items(book)] == [name for name in EVERY if name != SKIPPED]
+        assert [item.id for item in open_items(book, Phase.WATER)] == [PING, USBL]
         assert book.words == ""
         document = book.document()
     assert document.exit is ExitCode.CHECKS_FAILED
@@ -44,7 +59,7 @@ def test_an_interrupted_checklist_goes_on(desk: Desk) -> None:
     with desk.open() as book:
         assert (book.run, book.items) == (first, items)
         assert book.words == f"the checklist {first} is gone on with"
-        assert [one.item.id for one in book.entries_open()] == [PING, USBL, DHCP]
+        assert [item.id for item in open_items(book)] == [PING, USBL, DHCP]
 
 
 @pytest.mark.parametrize(("hours", "ago"), [(17, ""), (20, "a day"), (49, "2 days")])
@@ -62,7 +77,7 @@ def test_a_scope_has_its_own_book(desk: Desk) -> None:
         whole.settle(found(WIFI))
     with desk.open([WIFI], scope=Scope(vehicles=("sparus",))) as narrow:
         assert narrow.run != whole.run
-        assert [one.item.id for one in narrow.entries_open()] == [WIFI]
+        assert [item.id for item in open_items(narrow)] == [WIFI]
     with desk.open() as again:
         assert again.run == whole.run
 
@@ -81,7 +96,7 @@ def test_what_no_longer_fits_stays_unfinished_and_that_is_told(desk: Desk, head:
         old.settle(found(WIFI))
     with desk.open(head=head) as new:  # type: ignore[arg-type]
         assert new.words == f"the checklist {old.run} stays unfinished, and a new one is begun: {why}"
-        assert len(new.entries_open()) == len(EVERY) - 1
+        assert len(open_items(new)) == len(EVERY) - 1
     kept = books(desk.folder)
     assert [(one.run, one.state, one.why) for one in kept] == [
         (old.run, VehicleState.UNFINISHED, why),

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from checklist_bench import HEAD, Clock, pages
+from checklist_bench import HEAD, Clock, open_items, pages
 
 from atlantis_netcfg.checklist import (
     Answers,
@@ -120,7 +120,7 @@ def test_the_list_before_is_signed_without_recovery_and_recovery_by_itself(
     with _book(plan(shipped, "coastal", Scope(vehicles=("mares",), endpoints=ONLY_ITEMS)), tmp_path) as book:
         book.confirm(BATTERY, Confirmation(Verdict.PASS, NAME, value=16.1))
         book.confirm(PLUG, Confirmation(Verdict.PASS, NAME))
-        assert [entry.item.id for entry in book.entries_open()] == [SWITCH], "what nobody has answered is open"
+        assert [item.id for item in open_items(book)] == [SWITCH], "what nobody has answered is open"
         assert int(book.document().exit) == 6
         book.confirm(SWITCH, Confirmation(Verdict.PASS, NAME))
         before = book.sign(NAME, pages)

@@ -248,7 +248,6 @@ def test_a_confirmed_state_that_does_not_fit_does_not_end_the_journal(
         monkeypatch.undo()
         journal.write(EVERY[2])
     assert store.run("coastal", journal.run).confirmed_state("router") is None
-    assert store.run("coastal", journal.run).state_before("router") == "00"
 
 
 @pytest.mark.parametrize("name", ["../x", "", "a/b", ".hidden", "a\0b"])
@@ -471,7 +470,6 @@ def test_a_run_tells_what_was_acknowledged_and_confirmed(store: Store) -> None:
     assert run.acknowledged("router") == (1, 2, 3)
     assert run.confirmed("router") == (1,)
     assert run.confirmed("cpe") == ()
-    assert run.state_before("router") == "00"
     assert run.before("cpe") is None
     assert run.at == datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
     assert run.started == STARTED

@@ -12,15 +12,11 @@ from atlantis_netcfg.bearers.satellite import (
     WINDOW_S,
     Attempt,
     Backup,
-    Capability,
     Expected,
-    ManualTerminal,
     NamedTarget,
     ProbeOutcome,
     SatelliteEvidence,
     SatelliteProbe,
-    SatTerminal,
-    Unsupported,
     judge_attempt,
     judge_carrier_nat,
     judge_evidence,
@@ -179,22 +175,3 @@ def test_evidence_is_judged(case: dict[str, Any]) -> None:
     found = judge_evidence("coastal-sat", declared, file, case.get("confirmed"), TODAY)
     assert [[one.verdict.value, one.code, one.message] for one in found] == case["told"]
     assert all(one.hint for one in found)
-
-
-def test_a_terminal_without_an_interface_answers_what_is_declared_and_asks_for_the_rest() -> None:
-    nobody: SatTerminal = ManualTerminal("coastal-sat")
-    assert nobody.capabilities == frozenset()
-    known: SatTerminal = ManualTerminal("coastal-sat", evidence(backup="1", allow_list=False))
-    answers = {capability: known.read(capability) for capability in known.capabilities}
-    assert answers == {
-        Capability.FIRMWARE: "1.2.3",
-        Capability.FIREWALL_READBACK: "not as declared",
-        Capability.BACKUP_EXPORT: "sat.bin",
-    }
-    for terminal in (nobody, known):
-        for capability in set(Capability) - terminal.capabilities:
-            with pytest.raises(Unsupported, match="coastal-sat has no interface to ask") as refused:
-                terminal.read(capability)
-            assert refused.value.hint
-            assert "coastal-sat" in refused.value.hint
-            assert refused.value.hint.endswith("?")

@@ -140,10 +140,6 @@ class ConsoleBackend:
         emit(self._core)
         return printed
 
-    def safe_held(self, caller: Caller) -> bool:
-        """Does this session hold safe mode."""
-        return holds(self._core, caller)
-
     def keep(self, caller: Caller) -> None:
         """`/quit`: the session ends, and what it did in safe mode stays (Manual, Configuration Management)."""
         if holds(self._core, caller):

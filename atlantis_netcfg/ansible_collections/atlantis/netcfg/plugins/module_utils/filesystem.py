@@ -4,7 +4,7 @@ A stamp maps a path to the SHA-256 of its content when a step or a unit last suc
 loses none. Callers compare and write only their own paths: two roles may look after one unit.
 """
 
-# ruff: noqa: PTH101, PTH102, PTH105, PTH106, PTH108, PTH112, PTH116, PTH118, PTH120, PTH123, PTH211
+# ruff: noqa: PTH101, PTH102, PTH105, PTH106, PTH108, PTH112, PTH118, PTH120, PTH123, PTH211
 # One system call a line, in an order that a power cut cannot break.
 
 from __future__ import annotations
@@ -200,13 +200,6 @@ class FileSystem:
         """A name that no program which reads whole directories takes, and that the next run finds again."""
         folder, name = os.path.split(self.at(path))
         return os.path.join(folder, f".{name}.atlantis-new")
-
-    def _later(self, handle: int, path: str) -> None:
-        """Let it be younger than what it replaces: OpenVPN compares whole seconds of its list's time."""
-        with contextlib.suppress(OSError):
-            old = int(os.stat(self.at(path)).st_mtime)
-            if int(os.fstat(handle).st_mtime) <= old:
-                os.utime(handle, (old + 1, old + 1))
 
     @staticmethod
     def _chown(real: str, uid: int, gid: int) -> None:
