@@ -74,7 +74,7 @@ class Word:
     values: Values | None = None
     """Where it is not what the name of the word says."""
     bare: bool = False
-    """Its value may be typed alone: `provision init FOLDER`."""
+    """Its value may be typed alone: `provision init FOLDER`; with `many`, several one after the other."""
 
     @property
     def known(self) -> Values | None:
@@ -348,7 +348,9 @@ class _WordReader:
         if word is not None:
             self._refuse_spaces(word, argument, _bare(rest).removeprefix("=") or _bare(rest))
             return
-        alone = next((word for word in self.command.words if word.bare and word.name not in self.words), None)
+        alone = next(
+            (word for word in self.command.words if word.bare and (word.many or word.name not in self.words)), None
+        )
         if alone is not None:
             self._take(alone, argument, [argument], rest)
             return

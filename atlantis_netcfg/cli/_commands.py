@@ -50,6 +50,7 @@ COMMANDS: Mapping[str, str] = {
     "verify": "atlantis_netcfg.cli.devices:verify",
     "dds": "atlantis_netcfg.cli.declaration:dds",
     "fit": "atlantis_netcfg.cli.fit:fit",
+    "robot validate": "atlantis_netcfg.cli.robot:robot_validate",
     "report list": "atlantis_netcfg.cli.checklist:report_list",
     "report show": "atlantis_netcfg.cli.checklist:report_show",
     "report verify": "atlantis_netcfg.cli.checklist:report_verify",

@@ -39,14 +39,17 @@ def run_validate(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.declaration import InventoryInvalid, load
+    from atlantis_netcfg.declaration.robots.reading import check_declared
 
     named = arguments.optional("inventory")
     inventory = Path(named) if named else paths.checkout() / "inventory"
     try:
         declaration = load(inventory)
+        warnings = check_declared(declaration)
     except InventoryInvalid as error:
         return _refuse(error, inventory, as_json=arguments.flag("json"))
-    return _confirm(declaration, as_json=arguments.flag("json"), lists_examples=arguments.flag("examples"))
+    warnings += _warnings(declaration)
+    return _confirm(declaration, sorted(warnings), arguments)
 
 
 def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitCode:
@@ -60,7 +63,7 @@ def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitC
     return error.exit
 
 
-def _confirm(declaration: Declaration, *, as_json: bool, lists_examples: bool) -> ExitCode:
+def _confirm(declaration: Declaration, warnings: Sequence[Finding], arguments: Arguments) -> ExitCode:
     import dataclasses
     from collections import Counter
 
@@ -72,8 +75,7 @@ def _confirm(declaration: Declaration, *, as_json: bool, lists_examples: bool) -
         "partners": list(declaration.partners),
     }
     counts = {name: len(getattr(declaration, name)) for name in checked}
-    warnings = _warnings(declaration)
-    if as_json:
+    if arguments.flag("json"):
         left = [dataclasses.asdict(example) for example in declaration.examples]
         warned = [dataclasses.asdict(finding) for finding in warnings]
         more = {"checked": counts, "revision": declaration.revision, "examples": left, "warnings": warned}
@@ -83,7 +85,7 @@ def _confirm(declaration: Declaration, *, as_json: bool, lists_examples: bool) -
     for name, some in checked.items():
         print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
     _tell_warnings(declaration, warnings)
-    _tell_examples(declaration, lists_all=lists_examples)
+    _tell_examples(declaration, lists_all=arguments.flag("examples"))
     return ExitCode.DONE
 
 

@@ -88,7 +88,8 @@ def expected_type(annotation: Any) -> str:  # noqa: ANN401 - as above
     if words := choices_of(plain):
         return "one of " + ", ".join(map(str, words))
     if (model := model_of(plain)) is not None:
-        return "a block with " + ", ".join(name for name, field in model.model_fields.items() if field.is_required())
+        required = [name for name, field in model.model_fields.items() if field.is_required()]
+        return "a block with " + (", ".join(required) or f"any of {', '.join(model.model_fields)}")
     if get_origin(plain) is dict:
         return "a block of keys"
     if (item := item_of(plain)) is not None:
@@ -118,31 +119,38 @@ FALLBACK = "cannot be understood"
 _Path = tuple[str | int, ...]
 
 
-def explain(error: ErrorDetails, root: Node, model: type[BaseModel], name: str) -> Finding:
-    """One error of a block called `name`."""
+def model_key(path: _Path) -> str:
+    """The key at a path as the model calls it."""
+    return str(path[-1])
+
+
+def explain(
+    error: ErrorDetails, root: Node, model: type[BaseModel], name: str, key_of: Callable[[_Path], str] = model_key
+) -> Finding:
+    """One error of a block called `name`; `key_of` gives the keys as its file calls them."""
     path = error["loc"]
     if error["type"] == "missing":
-        return _missing(path, root, model, name)
+        return _missing(path, root, model, name, key_of)
     node, field = root.at(*path), at(model, path)
-    label = label_of(path, name)
+    label = label_of(path, name, key_of)
     message, hint = _of_value(error, node, field, label)
     place = node.place if isinstance(node.value, dict | list) else node.mark
     return Finding.at(place, message, hint)
 
 
-def label_of(path: _Path, name: str) -> str:
+def label_of(path: _Path, name: str, key_of: Callable[[_Path], str] = model_key) -> str:
     """What a person calls the place: its key, or the list it is an entry of."""
     if not path:
         return f"`{name}`"
     if isinstance(path[-1], int):
-        return f"entry {path[-1] + 1} of {label_of(path[:-1], name)}"
-    return f"`{path[-1]}`"
+        return f"entry {path[-1] + 1} of {label_of(path[:-1], name, key_of)}"
+    return f"`{key_of(path)}`"
 
 
-def _missing(path: _Path, root: Node, model: type[BaseModel], name: str) -> Finding:
-    parent, key = path[:-1], str(path[-1])
+def _missing(path: _Path, root: Node, model: type[BaseModel], name: str, key_of: Callable[[_Path], str]) -> Finding:
+    parent, key = path[:-1], key_of(path)
     hint = f"add `{key}:` with {expected_type(at(model, path))}"
-    return Finding.at(root.at(*parent).place, f"{label_of(parent, name)} has no `{key}`", hint)
+    return Finding.at(root.at(*parent).place, f"{label_of(parent, name, key_of)} has no `{key}`", hint)
 
 
 def _of_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[str, str]:  # noqa: ANN401 - a type

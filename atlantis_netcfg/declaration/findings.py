@@ -48,6 +48,7 @@ class Finding:
 
 
 _LONGEST = 400
+_WHERE = "in the inventory; no device was contacted"
 MOST_SHOWN = 50
 
 
@@ -58,9 +59,9 @@ def _shorten(text: str) -> str:
 class InventoryInvalid(UsageError):
     """The inventory has errors; nothing was contacted."""
 
-    def __init__(self, findings: Iterable[Finding]) -> None:
+    def __init__(self, findings: Iterable[Finding], where: str = _WHERE) -> None:
         self.findings: tuple[Finding, ...] = tuple(sorted(set(findings)))
-        super().__init__(report(self.findings))
+        super().__init__(report(self.findings, where))
 
     @property
     def errors(self) -> tuple[UsageError, ...]:
@@ -70,9 +71,7 @@ class InventoryInvalid(UsageError):
         return (*errors, *([UsageError(_more(more))] if more > 0 else []))
 
 
-def report(
-    findings: Sequence[Finding], where: str = "in the inventory; no device was contacted", *, warnings: bool = False
-) -> str:
+def report(findings: Sequence[Finding], where: str = _WHERE, *, warnings: bool = False) -> str:
     """Errors or warnings as a technician reads them: place, what is wrong, what to type; the count comes last."""
     lines = [f"{finding}\n  -> {finding.hint}" for finding in findings[:MOST_SHOWN]]
     lines += [_more(len(findings) - MOST_SHOWN)] if len(findings) > MOST_SHOWN else []

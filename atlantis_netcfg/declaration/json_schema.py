@@ -19,6 +19,8 @@ from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration._hosts import KIND_GROUPS
 from atlantis_netcfg.declaration.argument_specs import meaning, sentence
 from atlantis_netcfg.declaration.model import Guest, Name, Partner, Pilot, Site, Vehicle
+from atlantis_netcfg.declaration.model.robot import RobotFile
+from atlantis_netcfg.declaration.robots.key_names import KEY, key_paths
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -41,7 +43,12 @@ _FILES: Mapping[str, tuple[str, type[BaseModel], bool]] = {
 
 def schemas() -> dict[str, dict[str, Any]]:
     """Every schema by the name of its file, without `.json`."""
-    return {"hosts": _hosts(), **{name: _variable(*row) for name, row in _FILES.items()}}
+    return {
+        "hosts": _hosts(),
+        "robot": _robot(),
+        "robot_keys": _robot_keys(),
+        **{name: _variable(*row) for name, row in _FILES.items()},
+    }
 
 
 def texts() -> dict[str, str]:
@@ -68,11 +75,36 @@ def write(inventory: Path) -> list[Path]:
     return written
 
 
-def _variable(variable: str, model: type[BaseModel], many: bool) -> dict[str, Any]:  # noqa: FBT001 - a row of the table
+def _definitions(model: type[BaseModel]) -> dict[str, Any]:
+    """The schemas of a model and of all that it holds, with what each key means."""
     inner = model.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
     defs = {**inner.pop("$defs", {}), model.__name__: inner}
     for found in _models(model):
         _describe(found, defs[found.__name__])
+    return defs
+
+
+def _robot() -> dict[str, Any]:
+    """A robot's file has its keys at its beginning, for it is not Ansible's."""
+    defs = _definitions(RobotFile)
+    return {"$schema": _DRAFT, "title": "robot", **defs.pop(RobotFile.__name__), "$defs": defs}
+
+
+def _robot_keys() -> dict[str, Any]:
+    theirs = {"type": "string", "pattern": f"^{KEY}$"}
+    names = {"enum": sorted(set(key_paths(RobotFile)))}
+    keys = {"type": ["object", "null"], "propertyNames": names, "additionalProperties": theirs}
+    ignored = {"type": "array", "items": {"type": "string"}}
+    words = "How the partners' files call the keys of a robot, and which of theirs are not read."
+    return {
+        "$schema": _DRAFT,
+        "title": "robot keys",
+        "description": words,
+        **_block({"keys": keys, "ignored": ignored}),
+    }
+
+
+def _variable(variable: str, model: type[BaseModel], many: bool) -> dict[str, Any]:  # noqa: FBT001 - a row of the table
     block: dict[str, Any] = {"$ref": f"#/$defs/{model.__name__}"}
     if many:
         names = _pattern_of(Name)
@@ -86,7 +118,7 @@ def _variable(variable: str, model: type[BaseModel], many: bool) -> dict[str, An
         "patternProperties": dict(_ANSIBLE),
         "required": [variable],
         "additionalProperties": False,
-        "$defs": defs,
+        "$defs": _definitions(model),
     }
 
 

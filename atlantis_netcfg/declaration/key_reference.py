@@ -20,6 +20,7 @@ from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration._yaml import Node, parse
 from atlantis_netcfg.declaration.argument_specs import meaning, sentence
 from atlantis_netcfg.declaration.model import Guest, Partner, Pilot, Site, Vehicle
+from atlantis_netcfg.declaration.model.robot import RobotFile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -44,6 +45,7 @@ file and line.
 | `group_vars/all/guests.yml` | [`guests`](#guests): robots that are here for a while; `provision guest` writes it |
 | `group_vars/SITE.yml` | [`site`](#site): address plan and links of a place |
 | `host_vars/HOST.yml` | `device`: one box, by its `kind` |
+| `robots/VEHICLE.yml` | [`robot`](#robot): what the robot of a vehicle tells the control centre ([page](robots.md)) |
 | `evidence/`, `keys/` | files that terminals have exported, and keys of package archives |
 
 - **Example values.** A comment `# EXAMPLE` at the end of a line marks its values as examples; at a key without a
@@ -80,6 +82,7 @@ _UNITS = (
     ("baud", "bit/s"),
 )
 _FORMS: Mapping[str, str] = {
+    "CommandCondition.value": "true",
     "RetrievalRobot.folder": "/home/recorder/bags",
     "RetrievalRobot.host_key": "ssh-ed25519 AAAA…",
     "Ssh.host_key": "ssh-ed25519 AAAA…",
@@ -174,6 +177,7 @@ def _blocks() -> Iterator[_BlockOfKeys]:
         ("site", Site),
     ]
     roots += [(f"device: {kind}", model) for kind, model in _schema.DEVICES.items()]
+    roots.append(("robot", RobotFile))
     for title, model in roots:
         yield from _below(title, model, seen)
 
@@ -231,6 +235,9 @@ _TEXTS: Mapping[str, str] = {
     "_fingerprint": "SHA-256 of a certificate",
     "_host_key": "SHA-256 of an SSH key",
     "_currency": "currency (ISO 4217)",
+    "_ros_name": "name in ROS",
+    "_ros_type": "type of a ROS message",
+    "_video_link": "link",
     "_ssh_key": "public SSH key",
     "_url": "address of a server",
 }
@@ -339,6 +346,10 @@ def _examples(inventory: Path) -> dict[_Key, str]:
         root, _ = parse(path.read_bytes(), path.name, None)
         for variable, node in root.keys.items() if root is not None else ():
             _collect(node, variable, found)
+    for path in sorted((inventory / "robots").glob("*.yml")):
+        root, _ = parse(path.read_bytes(), path.name, None)
+        if root is not None and path.name != "keys.yml":
+            _walk(root, RobotFile, found)
     return found
 
 

@@ -37,12 +37,21 @@ from atlantis_netcfg.declaration._schema import explain, label_of
 from atlantis_netcfg.declaration._yaml import CLOSED, Decrypt, Node, parse
 from atlantis_netcfg.declaration.declaration import Declaration, Host
 from atlantis_netcfg.declaration.examples import examples_in
-from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark, choices, meant, shown_key, why_no_name
+from atlantis_netcfg.declaration.findings import (
+    MOST_SHOWN,
+    Finding,
+    InventoryInvalid,
+    Mark,
+    choices,
+    meant,
+    shown_key,
+    why_no_name,
+)
 from atlantis_netcfg.declaration.model import Guest, Partner, Pilot, Site, Vehicle
 from atlantis_netcfg.declaration.rules import RULES, WARNINGS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
 
 _HOMES = {
@@ -189,8 +198,8 @@ class _Gatherer:
 
 
 HOSTS = "hosts.yml"
-_OTHERS = ("evidence", "keys")
-"""Folders of files that terminals have exported, and of public keys of archives; ansible.cfg keeps Ansible out."""
+_OTHERS = ("evidence", "keys", "robots")
+"""Files that terminals have exported, public keys of archives, and robots' files; ansible.cfg keeps Ansible out."""
 _FOLDERS = ("group_vars", "host_vars")
 _DOCUMENTS = frozenset({".md", ".rst", ".txt"})
 _BACKUPS = ("~", ".bak", ".orig", ".swp", ".old", ".save", ".rej")
@@ -219,28 +228,29 @@ class InventorySources:
         """Read and parse one file."""
         shown = self.name(path)
         try:
-            data = _content(path)
+            data = content(path)
         except OSError as error:
             reason = (error.strerror or "no reason given").lower()
             return None, [
                 Finding.at(Mark(shown, 1, 1), f"the file cannot be read: {reason}", f"look at it: ls -ld {shown}")
             ]
-        if len(data) > _LARGEST:
+        if len(data) > LARGEST:
             return None, [Finding.at(Mark(shown, 1, 1), "the file is larger than 1 MB", "write it in several files")]
         self.contents[shown] = data
         return parse(data, shown, decrypt)
 
 
-_LARGEST = 1_000_000
+LARGEST = 1_000_000
+"""Bytes of a file."""
 
 
-def _content(path: Path) -> bytes:
+def content(path: Path) -> bytes:
     """Read one byte more than a file may have. Raises OSError, also for what is no regular file: a pipe never ends."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(descriptor, "rb") as file:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
             raise OSError(errno.EINVAL, "it is no regular file")
-        return file.read(_LARGEST + 1)
+        return file.read(LARGEST + 1)
 
 
 def scan(root: Path, shown: str) -> InventorySources:
@@ -323,8 +333,13 @@ def _beside(shown: str, name: str) -> str:
 _Path = tuple[str | int, ...]
 
 
-def build(node: Node, model: type[_M], name: str) -> tuple[_M | None, Node, list[Finding]]:
-    """The model of a block called `name`, or every error of it; and the block with its keys as they were meant."""
+def build(
+    node: Node, model: type[_M], name: str, key_of: Callable[[_Path], str] = _schema.model_key
+) -> tuple[_M | None, Node, list[Finding]]:
+    """The model of a block called `name`, or every error of it; and the block with its keys as they were meant.
+
+    `key_of` gives the key at a path as the file calls it, where that is not the model's own.
+    """
     findings: list[Finding] = []
     while True:
         try:
@@ -334,19 +349,33 @@ def build(node: Node, model: type[_M], name: str) -> tuple[_M | None, Node, list
         unknown = [entry["loc"] for entry in errors if entry["type"] == "extra_forbidden"]
         if not unknown:
             break
-        node = _fix_keys(unknown, node, model, name, findings)  # each round leaves fewer unknown keys, or deeper ones
-    findings.extend(explain(item, node, model, name) for item in errors if not node.at(*item["loc"]).reported)
+        # Each round leaves fewer unknown keys, or deeper ones.
+        node = _fix_keys(unknown[:MOST_SHOWN], node, model, (name, key_of), findings)
+        if more := len(unknown[MOST_SHOWN:]):
+            place = node.at(*unknown[MOST_SHOWN]).place
+            findings.append(
+                Finding.at(place, f"from here on {more} more keys are not known", "correct the others first")
+            )
+            return None, node, findings
+    findings.extend(explain(item, node, model, name, key_of) for item in errors if not node.at(*item["loc"]).reported)
     return None, node, findings
 
 
-def _fix_keys(unknown: Iterable[_Path], node: Node, model: type[BaseModel], name: str, findings: list[Finding]) -> Node:
+def _fix_keys(
+    unknown: Iterable[_Path],
+    node: Node,
+    model: type[BaseModel],
+    words: tuple[str, Callable[[_Path], str]],
+    findings: list[Finding],
+) -> Node:
     """Tell unknown keys; give the node with them renamed to what was meant, or without them."""
     for path in unknown:
         parent, key = path[:-1], str(path[-1])
         inner = _schema.model_of(_schema.at(model, parent))
         known = list(inner.model_fields) if inner is not None else []
+        shown = {words[1]((*parent, field)): field for field in known}
         block = node.at(*parent).keys
-        meant, message, hint = _unknown(key, block, known, label_of(parent, name))
+        meant, message, hint = _unknown(key, block, shown, label_of(parent, *words))
         findings.append(Finding.at(block[key].place, message, hint))
         secret = [field for field in known if _schema.unwrap(_schema.at(model, (*parent, field))) is Secret]
         unsure = any(field not in block and field != meant for field in secret)
@@ -354,16 +383,16 @@ def _fix_keys(unknown: Iterable[_Path], node: Node, model: type[BaseModel], name
     return node
 
 
-def _unknown(key: str, block: Mapping[str, Node], known: list[str], where: str) -> tuple[str | None, str, str]:
-    """The key that was meant, if that can be known, and what to say."""
-    free = [field for field in known if field not in block]
+def _unknown(key: str, block: Mapping[str, Node], known: Mapping[str, str], where: str) -> tuple[str | None, str, str]:
+    """The key that was meant, if that can be known, and what to say; `known` are the keys of the file's words."""
+    free = {word: field for word, field in known.items() if field not in block}
     word = key.partition(" ")[0]
     if word != key and word in free and block[key].value is None:
-        return word, f"a `:` is missing after `{word}`", f"write `{word}: …`"
+        return free[word], f"a `:` is missing after `{word}`", f"write `{word}: …`"
     near = nearest(key, free)
     instead = f"remove `{shown_key(key)}`; the keys here are: {', '.join(known)}"
     message = f"{where} has no key `{shown_key(key)}`"
-    return near, message, f"did you mean `{near}`?" if near is not None else instead
+    return near and free[near], message, f"did you mean `{near}`?" if near is not None else instead
 
 
 def _renamed(node: Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> Node:
@@ -528,7 +557,7 @@ def validate(inventory: Path, *, decrypt: Decrypt | None = None) -> list[Finding
 
 
 def _examine(inventory: Path, decrypt: Decrypt | None) -> tuple[InventorySources, Draft | None, list[Finding]]:
-    sources = scan(_existing(inventory), _shown(inventory))
+    sources = scan(_existing(inventory), shown_path(inventory))
     root, findings = sources.read(inventory / HOSTS, decrypt)
     if root is None and findings:
         return sources, None, sorted({*findings, *sources.findings})
@@ -565,11 +594,10 @@ def _filled(root: Node | None, findings: list[Finding], shown: str) -> HostLayou
     return layout
 
 
-def _shown(inventory: Path) -> str:
-    """The directory's name in errors: as a person in the current directory would type it."""
-    path = inventory.absolute()
-    here = Path.cwd()
-    return path.relative_to(here).as_posix() if path.is_relative_to(here) and path != here else inventory.as_posix()
+def shown_path(path: Path) -> str:
+    """A name in errors: as a person in the current directory would type it."""
+    full, here = path.absolute(), Path.cwd()
+    return full.relative_to(here).as_posix() if full.is_relative_to(here) and full != here else path.as_posix()
 
 
 _READABLE = "use another account, or a copy that this one may read"

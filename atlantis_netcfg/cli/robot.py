@@ -1,0 +1,146 @@
+"""`provision robot`: robots' configuration files. No robot is contacted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.declaration import Declaration, Finding
+    from atlantis_netcfg.declaration.robots.key_names import KeyNames
+    from atlantis_netcfg.declaration.robots.reading import RobotSource
+
+ROBOT_VALIDATE = CommandSpec(
+    "robot validate",
+    "check the configuration files of robots and list every error with its place",
+    group=Group.LINKS,
+    words=(
+        Word("file", "a robot's file, as its partner sent it; several one after the other", many=True, bare=True),
+        Word("vehicle", "only the file of this vehicle, below robots/ of the declaration", example="sparus"),
+        INVENTORY,
+    ),
+    flags=(JSON,),
+    details=(
+        "No robot is contacted. Without a file and a vehicle, every file below robots/ of the declaration is checked. "
+        "Exit code 0: no errors; 3: there are; 7: there is no file. What a robot really publishes is not looked at."
+    ),
+)
+_DAY_S = 86_400
+
+
+def run_robot_validate(arguments: Arguments) -> ExitCode:
+    """Say what each robot declares, or list every error."""
+    from pathlib import Path
+
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.declaration import InventoryInvalid, load
+    from atlantis_netcfg.declaration.robots.reading import key_names
+
+    named = arguments.optional("inventory")
+    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    names, findings = key_names(declaration)
+    sources = _sources(arguments, declaration, names)
+    findings += [finding for source in sources for finding in source.findings]
+    if findings and not arguments.flag("json"):
+        raise InventoryInvalid(findings, "in robots' files; no robot was contacted")
+    code = ExitCode.USAGE if findings else ExitCode.DONE
+    if arguments.flag("json"):
+        print(json_text({"exit": int(code), "errors": _rows(findings), "robots": [_as_json(each) for each in sources]}))
+    else:
+        _tell(sources)
+    return code
+
+
+def _sources(arguments: Arguments, declaration: Declaration, names: KeyNames) -> list[RobotSource]:
+    """The files that were asked for, read. Raises UsageError and NothingMatched."""
+    from pathlib import Path
+
+    from atlantis_netcfg.core.errors import NothingMatched, UsageError
+    from atlantis_netcfg.declaration.findings import meant
+    from atlantis_netcfg.declaration.loading import shown_path
+    from atlantis_netcfg.declaration.robots.reading import FOLDER, read_declared, read_given
+
+    files, vehicle = arguments.many("file"), arguments.optional("vehicle")
+    if files and vehicle is not None:
+        raise UsageError("a file and `vehicle=` are two different questions", hint="leave one of them out")
+    for name in files:
+        if name in declaration.vehicles and not Path(name).exists():
+            raise UsageError(f"there is no file `{name}`", hint=f"type `provision robot validate vehicle={name}`")
+    if vehicle is not None and vehicle not in declaration.vehicles:
+        raise UsageError(f"no vehicle is called `{vehicle}`", hint=meant(vehicle, declaration.vehicles, none=""))
+    if files:
+        return read_given(map(Path, files), declaration, names)
+    sources = [each for each in read_declared(declaration, names) if vehicle in {None, each.vehicle}]
+    if not sources:
+        folder = shown_path(declaration.root / FOLDER)
+        where = f"{folder}/{vehicle}.yml" if vehicle is not None else f"{folder}/<vehicle>.yml"
+        raise NothingMatched(f"there is no {where}", hint="put the robot's own file there: docs/robots.md says how")
+    return sources
+
+
+def _tell(sources: Sequence[RobotSource]) -> None:
+    from atlantis_netcfg.declaration import report
+
+    for source in sources:
+        for line in _lines(source):
+            print(line)
+    if warnings := [finding for source in sources for finding in source.warnings]:
+        print(translate(report(warnings, "in robots' files", warnings=True)))
+    count = "1 robot's file" if len(sources) == 1 else f"{len(sources)} robots' files"
+    print(translate(f"{count}: no errors. What a robot really publishes was not looked at."))
+
+
+def _lines(source: RobotSource) -> Iterator[str]:
+    from collections import Counter
+
+    from atlantis_netcfg.bearers.cost import size
+    from atlantis_netcfg.declaration.loading import shown_path
+
+    robot = source.robot
+    if robot is None:
+        return
+    whose = f"vehicle {source.vehicle}" if source.vehicle else "of no vehicle of this inventory"
+    yield translate(f"{shown_path(source.file)}: {robot.namespace}, {whose}")
+    topics = Counter(topic.kind.value for topic in robot.topics())
+    commands = Counter(kind.value for kind, _, _ in robot.every_command())
+    rows = (
+        ("topics", topics.total(), _counts(topics)),
+        ("commands", commands.total(), _counts(commands)),
+        ("videos", len(robot.video), ", ".join(stream.label for stream in robot.video)),
+    )
+    for word, count, words in rows:
+        yield f"  {count:>3} {translate(word):<9} {words}".rstrip()
+    executor = robot.mission_executor.action
+    plans = f"plans by the action {robot.full_name(executor)}" if executor else "plans by a function of its program"
+    yield translate(f"      {plans}")
+    yield translate(f"      until it is registered, its configuration is {size(source.size * _DAY_S)} a day, at 1 Hz")
+
+
+def _counts(counter: dict[str, int]) -> str:
+    return ", ".join(f"{word.replace('_', ' ')} {count}" for word, count in counter.items())
+
+
+def _rows(findings: Sequence[Finding]) -> list[dict[str, object]]:
+    import dataclasses
+
+    return [dataclasses.asdict(finding) for finding in findings]
+
+
+def _as_json(source: RobotSource) -> dict[str, object]:
+    robot = source.robot
+    return {
+        "file": str(source.file),
+        "vehicle": source.vehicle,
+        "namespace": robot.name if robot is not None else None,
+        "bytes": source.size,
+        "topics": {topic.name: topic.message_type for topic in robot.topics()} if robot is not None else {},
+        "actions": {action.name: action.action_type for action in robot.actions()} if robot is not None else {},
+        "errors": _rows(source.findings),
+        "warnings": _rows(source.warnings),
+    }

@@ -1,0 +1,46 @@
+"""Names of topics and actions in ROS 2, and how they become topics of DDS."""
+
+from __future__ import annotations
+
+import re
+
+_LONGEST = 200
+"""DDS takes 255 characters; an action's five topics add up to 30 (`rr/…/_action/cancel_goalReply`)."""
+
+
+def why_no_name(text: str) -> tuple[str, str] | None:
+    """What is wrong with a topic's or namespace's name and what to type; None: ROS 2 takes it.
+
+    Rules: design.ros2.org, topic and service names.
+    """
+    like = "a name is like /sparus/pose, or pose for one below the robot's namespace"
+    if len(text) > _LONGEST:
+        return f"this name has {len(text)} characters: {_LONGEST} are the most", "choose a shorter one"
+    if text.startswith("~"):
+        return f"`{text}` depends on the name of a node, which nobody outside of the robot knows", like
+    if odd := re.search(r"[^A-Za-z0-9_/]", text):
+        near = re.sub(r"/{2,}", "/", re.sub(r"[^A-Za-z0-9_/]+", "_", text))
+        return f"`{text}` is no name in ROS: `{odd[0]}` is no letter, digit, `_` or `/`", near
+    parts = text.removeprefix("/").split("/")
+    why, near = "", like
+    if "" in parts:
+        why, near = "a part between two `/` is empty", re.sub(r"/{2,}", "/", text).rstrip("/") or like
+    elif "__" in text:
+        why, near = "two `_` stand side by side", re.sub("_{2,}", "_", text)
+    elif digit := next((part for part in parts if part[0].isdigit()), ""):
+        why = f"`{digit}` begins with a digit"
+    return (f"`{text}` is no name in ROS: {why}", near) if why else None
+
+
+def resolve(name: str, namespace: str) -> str:
+    """A topic's full name: `pose` of `sparus` is /sparus/pose; one that begins with `/` is full already."""
+    return name if name.startswith("/") else f"/{namespace.strip('/')}/{name}"
+
+
+def why_no_type(text: str) -> tuple[str, str] | None:
+    """What is wrong with the name of a message's type, and what to type; None: it is one."""
+    if re.fullmatch(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*", text):
+        return None
+    short = re.fullmatch(r"([a-z][a-z0-9_]*)/([A-Z][A-Za-z0-9]*)", text)
+    near = f"{short[1]}/msg/{short[2]}" if short else "a type is like geometry_msgs/msg/PoseStamped"
+    return f"`{text}` is no type of a message in ROS 2", near

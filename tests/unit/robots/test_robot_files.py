@@ -1,0 +1,181 @@
+"""Robots' files: the shipped ones are right, and whatever is wrong in one is told with its place."""
+
+import random
+import shutil
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import robot_cases
+
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.findings import MOST_SHOWN
+from atlantis_netcfg.declaration.model.robot import CommandKind, TopicKind
+from atlantis_netcfg.declaration.robots import reading
+from atlantis_netcfg.declaration.robots.key_names import KeyNames
+
+CASES = robot_cases.cases()
+SIX = {"girona500", "sparus", "zarco", "stork", "mares", "eca-rov"}
+
+
+def read(inventory: Path) -> dict[str | None, reading.RobotSource]:
+    declaration = load(inventory)
+    names, findings = reading.key_names(declaration)
+    assert findings == []
+    return {source.vehicle: source for source in reading.read_declared(declaration, names)}
+
+
+def test_every_vehicle_of_table_3_has_a_file_without_errors() -> None:
+    sources = read(robot_cases.SHIPPED)
+    assert sources.keys() == SIX
+    assert [(source.findings, source.warnings) for source in sources.values()] == [((), ())] * len(SIX)
+    robots = [source.robot for source in sources.values() if source.robot is not None]
+    assert {topic.kind for robot in robots for topic in robot.topics()} == set(TopicKind)
+    assert {kind for robot in robots for kind, _, _ in robot.every_command()} == set(CommandKind)
+
+
+def test_names_are_made_full_with_the_namespace() -> None:
+    robot = read(robot_cases.SHIPPED)["sparus"].robot
+    assert robot is not None
+    assert {topic.name: topic.message_type for topic in robot.topics()} == {
+        "/sparus/pose": "geometry_msgs/msg/Pose",
+        "/sparus/leak": "c4i_asset_msgs/msg/BoolTimestamped",
+        "/sparus/at_surface": "c4i_asset_msgs/msg/BoolTimestamped",
+        "/sparus/battery/voltage": "c4i_asset_msgs/msg/FloatTimestamped",
+        "/sparus/depth": "c4i_asset_msgs/msg/FloatTimestamped",
+        "/sparus/camera/image": "sensor_msgs/msg/Image",
+        "/sparus/fix": "sensor_msgs/msg/NavSatFix",
+    }
+    assert {action.name: action.action_type.rpartition("/")[2] for action in robot.actions()} == {
+        "/sparus/execute_plan": "ExecutePlan",
+        "/sparus/surface": "CommandPlain",
+        "/sparus/start_survey": "CommandPlain",
+        "/sparus/go_to": "CommandWaypoint",
+        "/sparus/follow": "CommandPath",
+        "/sparus/dive_to": "CommandNumeric",
+        "/sparus/lights": "CommandBool",
+    }
+
+
+def test_there_are_cases_enough() -> None:
+    assert len({case["case"] for case in CASES}) == len(CASES) >= 60
+    assert all(case["told"] for case in CASES)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: str(case["case"]))
+def test_a_broken_file_is_told_with_its_place(case: dict[str, Any], tmp_path: Path) -> None:
+    assert robot_cases.told(robot_cases.spoil(case, tmp_path)) == case["told"]
+
+
+THEIRS = """\
+robot_name: sparus
+secret: EXAMPLE-sparus-token
+interfaces:
+  bool:
+    - {name: leak, caption: Leak}
+localisation: {name: pose}
+executor: {server: execute_plan}
+owner: somebody
+"""
+
+
+def test_a_file_in_the_partners_words_is_read_as_ours(tmp_path: Path) -> None:
+    inventory = tmp_path / "inventory"
+    shutil.copytree(robot_cases.SHIPPED, inventory)
+    (inventory / "robots" / "sparus.yml").write_text(THEIRS)
+    keys = (
+        "namespace: robot_name, token: secret, pose: localisation, mission_executor: executor, topic: name, "
+        "label: caption, mission_executor.action: server, telemetry.booleans: interfaces.bool"
+    )
+    (inventory / "robots" / "keys.yml").write_text(f"keys: {{{keys}}}\nignored: [owner]\n")
+    others = ("girona500", "mares", "stork", "zarco", "eca-rov")
+    for vehicle in others:
+        (inventory / "robots" / f"{vehicle}.yml").unlink()
+    source = read(inventory)["sparus"]
+    assert source.findings == ()
+    assert source.robot is not None
+    assert [topic.name for topic in source.robot.topics()] == ["/sparus/pose", "/sparus/leak"]
+    assert [action.name for action in source.robot.actions()] == ["/sparus/execute_plan"]
+
+
+def test_what_a_vehicle_costs_is_what_its_robot_publishes(tmp_path: Path) -> None:
+    inventory = tmp_path / "inventory"
+    shutil.copytree(robot_cases.SHIPPED, inventory)
+    vehicles = inventory / "group_vars" / "all" / "vehicles.yml"
+    telemetry = "    telemetry: [{topic: /mares/dept, data: numbers, rate_hz: 1.0, size_bytes: 16}]\n"
+    text = vehicles.read_text()
+    vehicles.write_text(text.replace("    name: Mares\n", "    name: Mares\n" + telemetry))
+    (warning,) = read(inventory)["mares"].warnings
+    assert warning.message == "`telemetry:` of the vehicle mares has `/mares/dept`, which this file has not"
+    assert warning.hint == "did you mean `/mares/depth`?"
+
+
+def test_an_inventory_of_real_values_has_no_example_robot() -> None:
+    declaration = robot_cases.shipped()
+    real = declaration.pilot.model_copy(update={"example_values": False})
+    declaration = replace(declaration, pilot=real)
+    (sparus,) = (each for each in reading.read_declared(declaration, KeyNames()) if each.vehicle == "sparus")
+    lines = {finding.line for finding in sparus.findings}
+    assert {5, 6, 7, 8, 11, 12, 14, 15} <= lines
+    assert all("is still an example" in finding.message for finding in sparus.findings)
+
+
+ODD = (b": ", b"\n- ", b"{", b"]", b'"', b"'", b"&a ", b"*a", b"!x ", b"\t", b"|\n")
+
+
+def mutant(text: str, chance: random.Random) -> bytes:
+    """The text with some bytes, lines or words spoiled."""
+    data = bytearray(text.encode())
+    for _ in range(chance.randint(1, 6)):
+        place = chance.randrange(len(data))
+        match chance.randrange(5):
+            case 0:
+                del data[place : place + chance.randint(1, 40)]
+            case 1:
+                data[place:place] = bytes(chance.choices(range(256), k=chance.randint(1, 8)))
+            case 2:
+                data[place:place] = chance.choice(ODD)
+            case 3:
+                data += data[place : place + chance.randint(1, 400)]
+            case _:
+                data[place] = chance.randrange(256)
+    return bytes(data)
+
+
+def test_no_spoiled_file_ends_in_a_traceback(tmp_path: Path) -> None:
+    declaration = robot_cases.shipped()
+    texts = [path.read_text() for path in reading.robot_files(declaration).values()]
+    chance, judged = random.Random(39), 0  # noqa: S311 - the same in each run
+    for number in range(240):
+        file = tmp_path / f"{number}.yml"
+        file.write_bytes(mutant(chance.choice(texts), chance))
+        (source,) = reading.read_given([file], declaration, KeyNames())
+        assert source.robot is not None or source.findings
+        assert all(finding.line >= 1 and finding.hint for finding in source.findings)
+        judged += source.robot is None
+    assert judged >= 100, "most of them are spoiled"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "namespace: a\ntelemetry: {booleans: [" + "{topic: x}," * 10_000 + "]}\n",
+        "namespace: " + "a" * 250_000 + "\n",
+        "".join(f"k{number}: 1\n" for number in range(10_000)),
+        "a: [" + "1," * 60_000 + "]\n",
+    ],
+    ids=["many topics", "a long name", "many keys", "a long list"],
+)
+def test_a_large_file_takes_little_memory(text: str, tmp_path: Path) -> None:
+    """A megabyte at most is read; what is made of it is bounded, and no more is told than a person reads."""
+    declaration = robot_cases.shipped()
+    file = tmp_path / "large.yml"
+    file.write_text(text)
+    tracemalloc.start()
+    (source,) = reading.read_given([file], declaration, KeyNames())
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert 1 <= len(source.findings) <= MOST_SHOWN + 1
+    assert peak < 700 * len(text)
