@@ -249,6 +249,8 @@ class MessageStream:
         elif self.plan.resend and not message.queued:
             message.questions = 0
             self._put(message, word.indexes)
+        elif message.questions and not message.queued:
+            self._finish(message)  # the question left after every packet: what is missing now is lost
 
     def _finish(self, message: _OpenMessage, at_ns: int | None = None, *, in_flight: bool = False) -> None:
         word = message.word

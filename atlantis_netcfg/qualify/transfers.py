@@ -140,8 +140,12 @@ def _offered_bps(ended: Sequence[MessageEnded]) -> tuple[float | None, float | N
 
 
 def _receiver_bps(ended: Sequence[MessageEnded]) -> float | None:
-    """The first message's octets are the fence post: the time begins when they begin to arrive."""
-    arrived = [message for message in ended if message.first_ns is not None and message.last_ns is not None]
+    """The first packet's octets are the fence post: the time begins when they are there.
+
+    The last of several messages is left out: nobody says whether a sender that was stopped has ended it late.
+    """
+    counted = ended[:-1] or ended
+    arrived = [message for message in counted if message.first_ns is not None and message.last_ns is not None]
     if not arrived:
         return None
     first = min(message.first_ns or 0 for message in arrived)

@@ -100,6 +100,16 @@ def test_a_sender_that_was_stopped_measures_itself_and_not_the_link() -> None:
     assert record.verdict is Verdict.INCONCLUSIVE
 
 
+@pytest.mark.parametrize("begins_ms", [72_800, 73_200, 73_500])
+def test_a_computer_that_stops_at_the_end_of_a_load_is_told_or_does_no_harm(begins_ms: int) -> None:
+    """The last message up begins 73.15 s after the first packet: it takes longer, and none after it begins late."""
+    row = rows(record_of_load(paused(network(LINK, LINK), begins_ms + 3_000, 3_000)))["up"]
+    if row.verdict is Verdict.PASS:
+        assert row.goodput_bps == pytest.approx(GOODPUT, rel=0.03)
+    else:
+        assert (row.verdict, row.doubt[:22]) == (Verdict.INCONCLUSIVE, "the sender fell behind")
+
+
 @pytest.mark.parametrize("stopped_ms", [45, 60, 100, 200])
 def test_a_busy_computer_is_told_from_a_slow_link(stopped_ms: int) -> None:
     """Pauses within each half second: where the queue ran empty, the goodput is too low, and never passes."""

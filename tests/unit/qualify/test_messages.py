@@ -80,6 +80,15 @@ def test_a_receiver_that_says_nothing_leaves_the_message_unknown() -> None:
     assert (figures.received, figures.lost, figures.unknown) == (0, 0, 2)
 
 
+def test_a_message_that_lacks_packets_is_over_when_the_receiver_has_said_so() -> None:
+    """The question leaves after all packets: nothing of the message is awaited once it is answered."""
+    net = network(replace(UP, mtu=1_000), DOWN)
+    figures = _sent(net, MessagePlan(5_000, 1, 2, timeout_s=5))
+    assert figures is not None
+    assert (figures.received, figures.lost, figures.unknown) == (0, 2, 0)
+    assert net.now < (1 + 5 + 1) * SECOND, "the last begins after 1 s and is asked for after 5 s"
+
+
 def _search(net: SimulatedNetwork, size: int, **more: float) -> SustainedRate:
     idle = _sent(net, MessagePlan(size, 0.2, 30))
     assert idle is not None
