@@ -71,12 +71,19 @@ def test_the_highest_rate_is_within_a_tenth_of_the_truth(link: Trial, loss: floa
     assert found.rate_hz == pytest.approx(link.carries_hz, rel=0.1)
 
 
+TRIALS = [replace(LINKS[n % 4], loss=n % 7 * 0.005, seed=n, declared=0.6 + n % 11 / 10) for n in range(200)]
+"""All sizes, 0 to 3 % loss, declared rates of 0.6 to 1.6 of the true one; seeds are their numbers."""
+
+
+def test_the_highest_rate_is_within_a_tenth_in_a_sample_of_the_trials() -> None:
+    assert [trial for trial in TRIALS[::19] if not is_near(trial.search(), trial.carries_hz)] == []
+
+
 @pytest.mark.campaign
 def test_the_highest_rate_is_within_a_tenth_in_95_of_100_trials() -> None:
-    trials = [replace(LINKS[n % 4], loss=n % 7 * 0.005, seed=n, declared=0.6 + n % 11 / 10) for n in range(200)]
-    misses = [(trial, found.rate_hz) for trial in trials if not near(found := trial.search(), trial.carries_hz)]
-    assert len(misses) <= 10, misses
+    misses = [trial for trial in TRIALS if not is_near(trial.search(), trial.carries_hz)]
+    assert len(misses) <= 0.05 * len(TRIALS), misses
 
 
-def near(found: SustainedRate, truth_hz: float) -> bool:
+def is_near(found: SustainedRate, truth_hz: float) -> bool:
     return found.rate_hz is not None and abs(found.rate_hz - truth_hz) <= 0.1 * truth_hz
