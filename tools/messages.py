@@ -95,6 +95,7 @@ OUT: Mapping[str, str] = {
     "core/eventlog.py": "lines of a log",
     "routeros/api": "the wire",
     "routeros/assumptions.py": "what engineers have to test on a real device; no command prints it",
+    "operations/lte/assumptions.py": "what engineers have to test on a real unit, as of RouterOS",
     "routeros/menus": "RouterOS's own language",
     "routeros/commands.py": "RouterOS's own language",
     "routeros/_items.py": "RouterOS's own language",

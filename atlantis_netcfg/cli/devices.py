@@ -4,7 +4,7 @@
 
 `provision backup`: keep what the devices of a site say they are.
 
-`provision verify`: which assumptions about RouterOS hold on a device.
+`provision verify`: which assumptions about RouterOS or RutOS hold on a device.
 
 `provision restore`: put a confirmed state of a device on the one that stands in for it.
 
@@ -195,10 +195,12 @@ def run_backup(arguments: Arguments) -> ExitCode:
 
 VERIFY = CommandSpec(
     "verify",
-    "show which assumptions about RouterOS hold on a device, with evidence",
+    "show which assumptions about RouterOS or RutOS hold on a device, with evidence",
     group=Group.DEVICE,
     words=(
-        Word("device", "the RouterOS device", required=True, example="coastal-router", values=Values.HOST),
+        Word(
+            "device", "a RouterOS device or a RutOS unit", required=True, example="coastal-router", values=Values.HOST
+        ),
         VIA,
         INVENTORY,
     ),
@@ -234,7 +236,7 @@ def run_verify(arguments: Arguments) -> ExitCode:
     found: list[Host] = []
 
     def chosen(declaration: Declaration) -> tuple[Host, ...]:
-        found.append(_host(declaration, name))
+        found.append(_host(declaration, name, tries=arguments.flag("try") or arguments.flag("silence")))
         return tuple(found)
 
     with session(
@@ -272,13 +274,17 @@ def _check_privilege(*, silence: bool) -> None:
         )
 
 
-def _host(declaration: Declaration, name: str) -> Host:
+def _host(declaration: Declaration, name: str, *, tries: bool) -> Host:
     from atlantis_netcfg.core.errors import UsageError, nearest
+    from atlantis_netcfg.declaration.model import LteDriver, LteRouter
     from atlantis_netcfg.operations.kinds import handled
 
     if name in declaration.hosts:
         host = declaration.hosts[name]
-        if not handled(host):
+        is_rutos = isinstance(host.device, LteRouter) and host.device.driver is LteDriver.RUTOS
+        if is_rutos and tries:
+            raise UsageError(f"{name} runs RutOS and is only read", hint="leave out `--try` and `--silence`")
+        if not handled(host) and not is_rutos:
             raise UsageError(f"{name} is a {host.device.kind.replace('_', ' ')}, and no RouterOS device")
         return host
     near = nearest(name, declaration.hosts)

@@ -1,4 +1,4 @@
-"""Which assumptions about RouterOS hold on one device of a site: the session, what it costs, and the report."""
+"""Which assumptions about RouterOS or RutOS hold on one device of a site: the session, its cost, and the report."""
 
 from __future__ import annotations
 
@@ -9,14 +9,19 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.cost import Preview, preview
+from atlantis_netcfg.bearers.lte import rutos_read
 from atlantis_netcfg.core import paths, printable
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import managed
+from atlantis_netcfg.operations.lte import assumptions as rutos
+from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
@@ -42,7 +47,7 @@ _WORDS = {
     Verdict.INCONCLUSIVE: "not known",
     Verdict.SKIP: "not shown",
 }
-_ASSUMPTIONS = {assumption.id: assumption for assumption in ASSUMPTIONS}
+_ASSUMPTIONS = {assumption.id: assumption for assumption in (*ASSUMPTIONS, *rutos.ASSUMPTIONS)}
 _COUNTS = {verdict: words.lower() for verdict, words in _WORDS.items()}
 
 
@@ -102,8 +107,9 @@ class VerifiedDevice:
         """The lines for a person: what does not hold first."""
         seen, where = self.seen, "emulated " if self.rehearsed else ""
         counts = ", ".join(f"{words}: {self.number(verdict)}" for verdict, words in _COUNTS.items())
+        version = printable.line(f"{seen.system} {seen.version}").rstrip()
         lines = [
-            f"{self.device}: {where}{printable.line(seen.board)}, RouterOS {printable.line(seen.version)}",
+            f"{self.device}: {where}{printable.line(seen.board)}, {version}",
             f"  {len(seen.findings)} assumptions; {counts}",
         ]
         for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.SKIP):
@@ -149,6 +155,12 @@ class Verifying:
         return asyncio.run(self._run())
 
     async def _run(self) -> VerifiedDevice:
+        if isinstance(device := self.host.device, LteRouter) and device.driver is LteDriver.RUTOS:
+            store = Store(self.request.state, rehearsed=self.request.rehearsed)
+            unit = LteUnit(self.host, device, store, self.notify, target=self.request.targets.get(self.host.name))
+            look = await asyncio.to_thread(rutos_read.read, unit.endpoint)
+            self._spent.append(Traffic(look.requests, look.sent, look.received))
+            return self._result(rutos.judge(look))
         found = endpoint_of(self.host, managed(self.declaration, self.host).access, self.request)
         endpoint = replace(found, opening=self._spent.append)
         self._say(Stage.CONNECTING, "to be read, not changed")
@@ -159,6 +171,9 @@ class Verifying:
         if self.silence:
             self._say(Stage.WAITING, "a session falls silent: the device notices within twelve minutes")
             seen = seen.with_findings([await fall_silent(endpoint)])
+        return self._result(seen)
+
+    def _result(self, seen: SeenAnswers) -> VerifiedDevice:
         self._say(Stage.DONE, "verified")
         total = Traffic.total(self._spent)
         now, tried, rehearsed = datetime.now(UTC), self.tries or self.silence, self.request.rehearsed

@@ -29,7 +29,8 @@ class Assumption:
     """READS, TRY, SILENCE, or `needs a person: …`."""
 
 
-def _person(what: str) -> str:
+def person(what: str) -> str:
+    """How a row is shown that only a person can look at."""
     return f"needs a person: {what}"
 
 
@@ -99,19 +100,19 @@ ASSUMPTIONS: Final = (
         "api-login-pipelined",
         "Commands that are sent before the login is answered are refused.",
         "The emulated router alone; the engine waits for the answer.",
-        _person("send login and one `print` in one packet, with a client that can"),
+        person("send login and one `print` in one packet, with a client that can"),
     ),
     Assumption(
         "api-limit-words",
         "Before the login a session takes 8 sentences and words of 1,024 bytes at most.",
         "The emulated router alone; the engine sends one short sentence.",
-        _person("send longer and more sentences before the login, with a client that can"),
+        person("send longer and more sentences before the login, with a client that can"),
     ),
     Assumption(
         "api-sensitive",
         "To a user who may not see secrets the API leaves them out or hides them.",
         "A declared secret is not written again only because it cannot be seen.",
-        _person("read `/ppp secret` and a Wi-Fi key as a user without the policy `sensitive`"),
+        person("read `/ppp secret` and a Wi-Fi key as a user without the policy `sensitive`"),
     ),
     Assumption(
         "api-ping-path",
@@ -143,13 +144,13 @@ ASSUMPTIONS: Final = (
         "What the first published trees (7.9) show and RouterOS 6 lacks came with 7.0 or 7.9: `as-string`, `/file add`,"
         " `/console inspect`, and arguments of OpenVPN and netwatch.",
         "The emulated router of 7.0 to 7.8; the engine reads what a device refuses.",
-        _person("type `/execute` and `/console inspect` with Tab on RouterOS 7.0 to 7.8"),
+        person("type `/execute` and `/console inspect` with Tab on RouterOS 7.0 to 7.8"),
     ),
     Assumption(
         "slash-words-6",
         "RouterOS 6 refuses a path written with slashes by `expected command name`.",
         "The emulated router of RouterOS 6; the engine writes paths with spaces there.",
-        _person("type `/ip/address/print` on RouterOS 6"),
+        person("type `/ip/address/print` on RouterOS 6"),
     ),
     # Safe mode and other protection.
     Assumption(
@@ -180,43 +181,43 @@ ASSUMPTIONS: Final = (
         "safe-mode-current",
         "`current` of `/safe-mode` is false as soon as its history overflowed and the session has left safe mode.",
         "Whether a change is still protected: it is read with every turn of writing, beside the count of 82 entries.",
-        _person("take safe mode over the API, change one comment 101 times, print `/safe-mode` and `/system/history`"),
+        person("take safe mode over the API, change one comment 101 times, print `/safe-mode` and `/system/history`"),
     ),
     Assumption(
         "safe-mode-idle",
         "A session that is silent over a good link for as long as a proof lasts stays open, and holds safe mode.",
         "Proofs from a second session; a session that is lost meanwhile takes the change back, which is told.",
-        _person("take safe mode over the API, wait ten minutes without a word, and print `/safe-mode` there"),
+        person("take safe mode over the API, wait ten minutes without a word, and print `/safe-mode` there"),
     ),
     Assumption(
         "safe-mode-power-loss",
         "What was in safe mode when the power failed is undone after the start.",
         "Nothing: both outcomes are rehearsed, the device is read, and what stayed is put back.",
-        _person("take safe mode, add a comment to a port, pull the plug, and look after the start"),
+        person("take safe mode, add a comment to a port, pull the plug, and look after the start"),
     ),
     Assumption(
         "dead-man-after-silence",
         "A dead-man job that runs after a dead session's safe mode was undone changes nothing.",
         "Protection before 7.18, where safe mode of a console and a job stand together.",
-        _person("on RouterOS below 7.18: hold safe mode over SSH, pull the cable, and wait for both"),
+        person("on RouterOS below 7.18: hold safe mode over SSH, pull the cable, and wait for both"),
     ),
     Assumption(
         "scheduler-interval",
         "A job with `interval` alone runs so long after it was added, also when NTP moves the clock meanwhile.",
         "When the dead-man job takes a change back.",
-        _person("add a job with `interval=5m`, set the clock back by a day, and wait"),
+        person("add a job with `interval=5m`, set the clock back by a day, and wait"),
     ),
     Assumption(
         "scheduler-forbidden",
         "Where device-mode forbids the scheduler a job is refused, or is shown as inactive when it is read.",
         "A job that never runs is not taken for a protection: it is read back after it was added.",
-        _person("add a job to a device whose device-mode forbids the scheduler, and print it"),
+        person("add a job to a device whose device-mode forbids the scheduler, and print it"),
     ),
     Assumption(
         "routing-rule-chains",
         "From 7.22 `policy-rules` of `/routing/settings` is the order in which the chains of routing rules are asked.",
         "The guard finds the way of our answers; a chain that is not named there is taken for one that nobody asks.",
-        _person("add a rule with `chain=x action=drop` for an address, and ping that with and without `x` there"),
+        person("add a rule with `chain=x action=drop` for an address, and ping that with and without `x` there"),
     ),
     # What is shown.
     Assumption(
@@ -241,76 +242,76 @@ ASSUMPTIONS: Final = (
         "board-hw-offload",
         "Boards keep `hw-offload` of the filter and `suppress-hw-offload` of routes in 7.21, which lost them on CHR.",
         "These two are left as they are on the device.",
-        _person("type `/ip firewall filter add hw-offload` with Tab on a board with 7.21 or later"),
+        person("type `/ip firewall filter add hw-offload` with Tab on a board with 7.21 or later"),
     ),
     Assumption(
         "wireless-supplicant-identity",
         "A wireless security profile keeps the identity that the router had when the profile was made.",
         "The value is left as it is on the device.",
-        _person("change the identity, and print `/interface wireless security-profiles` before and after"),
+        person("change the identity, and print `/interface wireless security-profiles` before and after"),
     ),
     Assumption(
         "console-columns",
         "A menu of which no transcript is published prints its first arguments as columns.",
         "The emulated console, for people; the engine reads by `as-value` and over the API.",
-        _person("compare `print` of the menu on a device"),
+        person("compare `print` of the menu on a device"),
     ),
     Assumption(
         "console-first-login",
         "A console asks a newcomer for licence, default configuration and password in this order, loses what is typed"
         " before its prompt, waits five seconds for a terminal to say what it is, and ignores unknown login flags.",
         "First contact, which answers the questions in any order.",
-        _person("adopt a device out of its box over its serial line, and keep the transcript"),
+        person("adopt a device out of its box over its serial line, and keep the transcript"),
     ),
     Assumption(
         "factory-cpe",
         "A box of one port and a radio comes with address and DHCP server on the port, without a bridge.",
         "The rehearsal of a first contact with such boxes.",
-        _person("export a new box before anything is set"),
+        person("export a new box before anything is set"),
     ),
     Assumption(
         "sftp-policy",
         "A transfer over SFTP needs the policy `ftp`.",
         "The emulated router; adopted users have the policy.",
-        _person("upload a file as a user without the policy `ftp`"),
+        person("upload a file as a user without the policy `ftp`"),
     ),
     Assumption(
         "refusal-words",
         "What a device refuses beyond a single value it refuses in words like the published ones.",
         "The emulated router's texts; the engine shows the device's own words, and reads few of them.",
-        _person("send back the journal of a run in which a device has refused something"),
+        person("send back the journal of a run in which a device has refused something"),
     ),
     Assumption(
         "port-counters",
         "A port's byte counter has 54 bytes for a segment besides its payload, and nothing for acknowledgements.",
         "The rehearsed bill of a metered link; a real bill uses the device's own counters.",
-        _person("compare `/interface print stats` with a capture of one session"),
+        person("compare `/interface print stats` with a capture of one session"),
     ),
     Assumption(
         "arp-entry",
         "A neighbour that answers is always in `/ip arp`.",
         "A rehearsed look at the links; on a device a ping goes before it.",
-        _person("read `/ip arp` an hour after the last packet to the neighbour"),
+        person("read `/ip arp` an hour after the last packet to the neighbour"),
     ),
     Assumption(
         "upgrade-free-flash",
         "A device installs packages when 512 KiB of its flash are free beside their files.",
         "Whether a set is sent to a device with little flash; it keeps the old version where it cannot install.",
-        _person("upgrade a device with 16 MB of flash, and read `free-hdd-space` before and after"),
+        person("upgrade a device with 16 MB of flash, and read `free-hdd-space` before and after"),
     ),
     # Certificates and the VPN.
     Assumption(
         "certificate-import",
         "A certificate is not imported a second time, and a key without its certificate not at all.",
         "The rehearsal of a router's VPN; on a device the rows are read after the import.",
-        _person("import the same certificate twice, and a key alone, and print `/certificate`"),
+        person("import the same certificate twice, and a key alone, and print `/certificate`"),
     ),
     Assumption(
         "ovpn-import",
         "`import-ovpn-configuration` takes the options that the manual names, refuses any other and everything with it,"
         " and makes a disabled interface.",
         "The rehearsal of a router's VPN; on a device the interface is read after the import.",
-        _person("import a file with an unknown option, and one with none, and print what was made"),
+        person("import a file with an unknown option, and one with none, and print what was made"),
     ),
     # Links and what watches them.
     Assumption(
@@ -318,33 +319,33 @@ ASSUMPTIONS: Final = (
         "With the pilot's routes a canary's blackhole keeps its default route from being resolved over another"
         " link, and no packet leaves with the address of the wrong link after a fail-back.",
         "Failover between the links of a site; docs/failover.md says how it is tried on a quay.",
-        _person("pull each link in turn, and read routes and connections: docs/failover.md"),
+        person("pull each link in turn, and read routes and connections: docs/failover.md"),
     ),
     Assumption(
         "netwatch-rhythm",
         "Netwatch counts its interval from the beginning of a test, runs the state's script before the test's, adds"
         " `start-delay` to `startup-delay`; a next hop that cannot be resolved is neither asked nor given up.",
         "The rehearsed moments of a failover; none is declared to the second.",
-        _person("log from each script, and compare the times with the row"),
+        person("log from each script, and compare the times with the row"),
     ),
     Assumption(
         "use-job-from-1970",
         "A job of the scheduler with an interval and a start on 1970-01-01 runs at every interval, whatever the clock"
         " says, and for the first time within two minutes of a start of the router.",
         "The end of a link's use; where the job does not run, the link stays in use until a person ends it.",
-        _person("add such a job that logs, set the clock back and forth, restart the router, and read the log"),
+        person("add such a job that logs, set the clock back and forth, restart the router, and read the log"),
     ),
     Assumption(
         "connection-reply-address",
         "`reply-dst-address` of `/ip firewall connection` is the address, a colon and the port.",
         "Connections begin anew when their link is left; in another form they stay on the link that is gone.",
-        _person("print `/ip firewall connection` while something is connected"),
+        person("print `/ip firewall connection` while something is connected"),
     ),
     Assumption(
         "use-uptime-compares",
         "In a script `[/system resource get uptime]` is a time, and `<` and `>=` compare it with a time like `5400s`.",
         "The end of a link's use; a script that fails here ends nothing and logs an error every ten seconds.",
-        _person("type `:put ([/system resource get uptime] >= 5400s)` on a router and see `true` or `false`"),
+        person("type `:put ([/system resource get uptime] >= 5400s)` on a router and see `true` or `false`"),
     ),
     Assumption(
         "lte-pin-words",
@@ -357,26 +358,26 @@ ASSUMPTIONS: Final = (
         "A modem enters its stored PIN once whenever it starts or the PIN is changed; `show-capabilities` and refused"
         " bands are told as the emulated modem tells them.",
         "A wrong PIN costs one try; it is taken back before it can be entered again.",
-        _person("store a wrong PIN for a spare SIM, and read the tries that are left"),
+        person("store a wrong PIN for a spare SIM, and read the tries that are left"),
     ),
     Assumption(
         "poe-load",
         "A load on a port shows as `powered-on` with its figures, and a lease is bound as long as its device is there.",
         "Rehearsed readings of what a router feeds; on a device they are read.",
-        _person("read `/interface ethernet poe monitor` with a known load"),
+        person("read `/interface ethernet poe monitor` with a known load"),
     ),
     Assumption(
         "radio-levels",
         "A registration shows its level as `-48dBm@6Mbps` with the package `wireless`, and as `-48` with `wifi`.",
         "Levels of both ends of a bridge; in another form a level is unreadable, which is told.",
-        _person("print the registration table of a connected radio of either package"),
+        person("print the registration table of a connected radio of either package"),
     ),
     Assumption(
         "radio-restart",
         "A radio starts anew after every change but that of comment, name and ARP, hears down to -85 dBm, and registers"
         " within three seconds.",
         "The rehearsed change of a bridge; on a device both ends are awaited for minutes.",
-        _person("change one setting at a time, and watch the registration table"),
+        person("change one setting at a time, and watch the registration table"),
     ),
     # What the device's own parser says of a plan, and what it offers.
     Assumption(
@@ -412,7 +413,7 @@ ASSUMPTIONS: Final = (
         "offered-without-hardware",
         "A device offers the words of a radio's or modem's menu whole where no radio or modem is in it.",
         "Refusing a plan before it is sent; a list that lacks a declared word refuses the plan.",
-        _person("type `/interface lte apn add ip-type=` with Tab on a device without a modem"),
+        person("type `/interface lte apn add ip-type=` with Tab on a device without a modem"),
     ),
     Assumption(
         "offered-values",
@@ -420,13 +421,13 @@ ASSUMPTIONS: Final = (
         " nearest"
         " recorded version asks for.",
         "The emulated router alone; the engine looks at what a device offers and refuses.",
-        _person("type an argument with Tab on another version, and `add` without arguments"),
+        person("type an argument with Tab on another version, and `add` without arguments"),
     ),
     Assumption(
         "settings-computed",
         "Settings show fast path and fasttrack as one flag and two counters, and RoMON's own id while it is off.",
         "Bytes that the emulated router counts; the engine drops what it has not asked for.",
-        _person("print `/ip settings`, `/ipv6 settings` and `/tool romon`"),
+        person("print `/ip settings`, `/ipv6 settings` and `/tool romon`"),
     ),
     Assumption(
         "name-in-routes",
@@ -439,7 +440,7 @@ ASSUMPTIONS: Final = (
         "A new name of a port shows at once in every other row that refers to it, parents of queues too, and moves no"
         " packet.",
         "Renaming ports; where it does not hold, what is read back differs, and the device takes the change back.",
-        _person("rename an unused port that a bridge port and a queue name, and print both"),
+        person("rename an unused port that a bridge port and a queue name, and print both"),
     ),
 )
 """In the order of the page docs/verify.md."""

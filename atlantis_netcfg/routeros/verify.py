@@ -72,6 +72,7 @@ class SeenAnswers:
     board: str
     architecture: str
     findings: tuple[AssumptionFinding, ...] = field(default=())
+    system: str = "RouterOS"
 
     def with_findings(self, found: Iterable[AssumptionFinding]) -> SeenAnswers:
         """Return the same with these in place of those of the same assumptions."""

@@ -39,7 +39,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "imei": ("imei",),
     "iccid": ("iccid",),
 }
-"""What is asked for to the names under which it may stand, the newest first."""
+"""The names under which it may stand, the newest first. Assumption: rutos-state-words. Assumption: rutos-levels."""
 
 _SILENT = frozenset({"", "n/a", "na", "-", "--", "unknown", "null", "none", "no service"})
 """Texts that say nothing."""
@@ -122,14 +122,16 @@ def registration(words: str | None) -> Registration:
     return Registration.UNKNOWN
 
 
+TECHNOLOGIES = {"5g": "5g", "nr": "5g", "lte": "lte", "4g": "lte", "wcdma": "umts", "hspa": "umts", "umts": "umts"}
+TECHNOLOGIES |= {"3g": "umts", "gsm": "gsm", "edge": "gsm", "gprs": "gsm", "2g": "gsm"}
+
+
 def technology(words: str | None) -> str | None:
-    """`4G (LTE)` to lte; a word that nobody knows stays what it is, in lower case."""
+    """`4G (LTE)` to lte; a word that nobody knows stays what it is, in lower case. Assumption: rutos-cell."""
     if words is None:
         return None
     lowered = words.lower()
-    known = {"5g": "5g", "nr": "5g", "lte": "lte", "4g": "lte", "wcdma": "umts", "hspa": "umts", "umts": "umts"}
-    known |= {"3g": "umts", "gsm": "gsm", "edge": "gsm", "gprs": "gsm", "2g": "gsm"}
-    return next((name for word, name in known.items() if word in lowered), lowered)
+    return next((name for word, name in TECHNOLOGIES.items() if word in lowered), lowered)
 
 
 def band(words: str | None) -> str | None:
@@ -152,14 +154,14 @@ def plmn(record: Mapping[str, Any]) -> str | None:
 
 
 def cell(record: Mapping[str, Any]) -> str | None:
-    """The serving cell's identity [memory]: in a field of its own, or in that of the serving cell."""
+    """The serving cell's identity: in a field of its own, or in that of the serving cell. Assumption: rutos-cell."""
     cells = record.get("cell_info")
     first = cells[0] if isinstance(cells, list) and cells and isinstance(cells[0], dict) else {}
     return text(record, "cell") or text(first, "cell")
 
 
 SOURCE = "rutos"
-_REGISTERED = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
+REGISTERED = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
 
 
 def modem_of(rows: object) -> Mapping[str, Any] | None:
@@ -174,7 +176,7 @@ def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | N
     reported = text(modem, "registration")
     state = between or registration(reported)
     slot = number(modem, "slot")
-    registered = state in _REGISTERED
+    registered = state in REGISTERED
     return LteReading(
         source=SOURCE,
         state=state,
@@ -207,7 +209,7 @@ def connected(modem: Mapping[str, Any]) -> bool | None:
 
 
 def serial_of(status: object) -> str | None:
-    """The unit's serial number (`mnfinfo.serial` of the device's status) [inferred]: it identifies the unit."""
+    """The serial number (`mnfinfo.serial` of the device's status) identifies the unit. Assumption: rutos-serial."""
     if not isinstance(status, dict):
         return None
     for part in (status.get("mnfinfo"), status):
@@ -225,7 +227,7 @@ def _error(modem: Mapping[str, Any], registration: str | None) -> str | None:
 
 
 def _address(interfaces: object) -> str | None:
-    """The first IPv4 address of a mobile interface (`mob1s1a1`) [inferred: `ipaddrs` beside `ip6addrs`]."""
+    """The first IPv4 address of a mobile interface (`mob1s1a1`), in `ipaddrs`. Assumption: rutos-address."""
     rows = interfaces if isinstance(interfaces, list) else []
     for row in rows:
         if not isinstance(row, dict) or not _mobile(row):
@@ -253,13 +255,14 @@ def _texts(row: Mapping[str, Any]) -> Sequence[str]:
     return found
 
 
-READS = ("/api/modems/status", "/api/sim_cards/status", "/api/interfaces/basic/status", "/api/system/device/status")
+INTERFACES, DEVICE = "/api/interfaces/basic/status", "/api/system/device/status"
+READS = ("/api/modems/status", "/api/sim_cards/status", INTERFACES, DEVICE)
 """All that is ever asked for after `POST /api/login`; each by GET."""
 UBUS_READS = (("gsm.modem0", "get_signal_query"), ("gsm.modem0", "info"))
 """All that is ever called on older firmware after `session login`."""
 _NOBODY = "0" * 32
 """The session of somebody who has not logged in (OpenWrt, rpcd)."""
-_FORBIDDEN = (401, 403)
+_FORBIDDEN = (401, 403)  # Assumption: rutos-refusals
 _DENIED = 6
 """UBUS_STATUS_PERMISSION_DENIED."""
 
@@ -278,6 +281,8 @@ class RutosLook:
     received: int = 0
     identities: Mapping[str, str] = field(default_factory=dict, repr=False)
     """`imei` and `iccid`, whole: for a record that masks them, and for nothing else."""
+    unread: tuple[str, ...] = ()
+    """Pages that this user or this firmware does not have."""
 
 
 def identities_of(modem: Mapping[str, Any]) -> dict[str, str]:
@@ -305,18 +310,18 @@ def read(endpoint: RutosEndpoint) -> RutosLook:
 
 
 def _by_rest(endpoint: RutosEndpoint, wire: RutosWire, session: _Rest) -> RutosLook:
-    modems, slots, interfaces, device = READS
+    modems, *others = READS
     modem = modem_of(session.get(modems))
     if modem is None:
         raise RutosRefused(
             f"{endpoint}: the unit says that it has no modem",
             hint="switch it off and on; a modem that stays away is broken",
         )
-    rows = session.optional(slots)
-    reading = reading_of(modem, session.optional(interfaces))
-    serial = serial_of(session.optional(device))
+    rows, interfaces, device = pages = [session.optional(each) for each in others]
     spent = (wire.requests, wire.sent, wire.received)
-    return RutosLook(reading, serial, _sections(rows), *spent, identities_of(modem))
+    unread = tuple(name for name, page in zip(others, pages, strict=True) if page is None)
+    reading, serial = reading_of(modem, interfaces), serial_of(device)
+    return RutosLook(reading, serial, _sections(rows), *spent, identities_of(modem), unread)
 
 
 def _sections(rows: object) -> tuple[str, ...]:
@@ -398,7 +403,7 @@ def _by_ubus(endpoint: RutosEndpoint, wire: RutosWire) -> RutosLook:
         cached = found.get("cache")
         merged |= found | (cached if isinstance(cached, dict) else {})
     spent = (wire.requests, wire.sent, wire.received)
-    return RutosLook(reading_of(merged), None, (), *spent, identities_of(merged))
+    return RutosLook(reading_of(merged), None, (), *spent, identities_of(merged), READS[1:])
 
 
 def _call(

@@ -2,9 +2,9 @@
 
 Which sections and options hold it: `network.mob1s1a1` (interface of protocol `wwan`, for a slot: `sim`) with `apn`,
 `auth`, `username` and `password`, and `simcard` (a section `sim` for each slot: `position`) with `deny_roaming`; these
-are the names that RutOS' own published network scripts read. [inferred], to be confirmed on the unit: `auto_apn`, which
-lets the unit choose by itself, `pincode`, and that `reload_config` makes all of it effective. A unit without the
-expected section is refused and left alone. In which option a unit keeps its bands is not known: declared bands are
+are the names that RutOS' own published network scripts read. Of `auto_apn`, which lets the unit choose by itself, and
+of `reload_config`, which makes all of it effective: Assumption: rutos-settings. A unit without the expected section is
+refused and left alone. In which option a unit keeps its bands is not known: declared bands are
 compared with the band in use, and never set.
 """
 
@@ -28,7 +28,7 @@ SHOW = "uci show network && uci show simcard"
 WRITE = "uci batch"
 """Reads lines on its standard input, goes on after an error, and ends with 0: only reading back tells."""
 PIN = "pincode"
-"""The option in which a unit keeps the PIN that it tries [inferred]."""
+"""The option in which a unit keeps the PIN that it tries. Assumption: rutos-pin"""
 RELOAD = "reload_config"
 """OpenWrt's own command: services whose configuration has changed are reloaded."""
 _LINE = re.compile(r"(\w+)\.(@?\w+(?:\[\d+\])?)(?:\.(\w+))?=(.*)")
@@ -172,7 +172,7 @@ def _interface(sections: Sections, place: str, desired: LteSettings) -> Iterator
 
 
 def _authentication(desired: LteSettings, options: Mapping[str, str]) -> str | None:
-    """With user and password what the unit has, else `pap`, which networks take [inferred]; without, as it is."""
+    """With user and password what the unit has, else `pap`; without, as it is. Assumption: rutos-settings."""
     if desired.user is None and desired.password is None:
         return None
     there = options.get("auth", "none")

@@ -1,12 +1,12 @@
 """The unit's own interface: HTTPS with a self-signed certificate, the API of RutOS 7, and ubus over JSON-RPC.
 
-Status codes and error texts of the API are [memory] of Teltonika's published description; a page that a firmware does
-not have answers with HTTP 501 (devices.md, section 4: `sim_switch`).
+Status codes and error texts follow Teltonika's published description (Assumption: rutos-refusals); a page that a
+firmware does not have answers with HTTP 501 (devices.md, section 4: `sim_switch`).
 
 What the twin's modem and card do, and how the unit tells it.
 
-[inferred]: when the unit tries the saved PIN (here: at every reload while the card asks for one, the worst that a
-caller can meet), and that a foreign network with roaming denied leaves the unit registered without a connection.
+When the unit tries the saved PIN, here at every reload while the card asks for one, the worst that a caller can meet:
+Assumption: rutos-pin. That a foreign network with roaming denied leaves it registered: Assumption: rutos-settings.
 
 What a RutOS twin is made of; plain data that survives a round trip through JSON.
 """

@@ -7,7 +7,8 @@ import pytest
 from quay import Quay, fresh_quay
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
+from atlantis_netcfg.operations.lte import assumptions as rutos
+from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS
 
 IDS = [each.id for each in ASSUMPTIONS]
 
@@ -24,6 +25,25 @@ def test_a_rehearsal_shows_what_it_can_and_writes_no_file(
     assert all(row["evidence"] for row in told["assumptions"])
     assert (told["rehearsed"], told["tried"], told["file"], told["exit"]) == (True, True, None, 0)
     assert not (tmp_path / "state" / "verify").exists()
+
+
+def test_a_rutos_unit_is_read_and_its_values_stay_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    assert main(["verify", "device=te4sea-4g", "--rehearse", "--json"]) == 0
+    text = capsys.readouterr().out
+    told = json.loads(text)
+    verdicts = {row["id"]: row["verdict"] for row in told["assumptions"]}
+    assert verdicts == {each.id: "PASS" if each.shown == READS else "SKIP" for each in rutos.ASSUMPTIONS}
+    assert (told["round_trips"], told["tried"], told["file"]) == (5, False, None)
+    assert "100.64." not in text
+    assert main(["verify", "device=te4sea-4g", "--rehearse"]) == 0
+    assert capsys.readouterr().out.startswith("te4sea-4g: emulated Teltonika unit, RutOS\n  8 assumptions; holds: 5, ")
+    assert main(["verify", "device=te4sea-4g", "--rehearse", "--try"]) == 3
+    refused = capsys.readouterr().err
+    assert "te4sea-4g runs RutOS and is only read" in refused
+    assert "leave out `--try` and `--silence`" in refused
 
 
 def test_a_device_that_is_no_router_or_not_there_is_refused(

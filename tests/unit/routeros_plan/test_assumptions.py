@@ -10,6 +10,7 @@ import yaml
 from pydantic import BaseModel
 
 from atlantis_netcfg.emulator.routeros import Deviation
+from atlantis_netcfg.operations.lte import assumptions as rutos
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS, SILENCE, TRY, unconfirmed
 from atlantis_netcfg.routeros.verify import CHECKS, TRIES
 
@@ -82,7 +83,8 @@ def test_whatever_a_device_can_show_is_shown() -> None:
 def test_the_page_has_the_table() -> None:
     page = (CHECKOUT / "docs" / "verify.md").read_text(encoding="utf-8")
     rows = [line for line in page.splitlines() if line.startswith("| `")]
-    assert rows == [f"| `{each.id}` | {each.sentence} | {each.rests} | {each.shown} |" for each in ASSUMPTIONS]
+    table = (*ASSUMPTIONS, *rutos.ASSUMPTIONS)
+    assert rows == [f"| `{each.id}` | {each.sentence} | {each.rests} | {each.shown} |" for each in table]
 
 
 def test_the_map_of_the_facts_names_rows_or_a_reason() -> None:
