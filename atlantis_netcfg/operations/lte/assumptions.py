@@ -101,6 +101,5 @@ def _judgement(values: Mapping[str, object] | str) -> Judgement:
     if isinstance(values, str):
         return Verdict.SKIP, values
     missing = [name for name, value in values.items() if value is None]
-    return (
-        (Verdict.FAIL, f"not told: {', '.join(missing)}") if missing else (Verdict.PASS, f"told: {', '.join(values)}")
-    )
+    verdict, told = (Verdict.FAIL, "not told") if missing else (Verdict.PASS, "told")
+    return verdict, f"{told}: {', '.join(missing or values)}"

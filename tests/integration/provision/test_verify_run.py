@@ -27,6 +27,7 @@ def test_a_rehearsal_shows_what_it_can_and_writes_no_file(
     assert not (tmp_path / "state" / "verify").exists()
 
 
+@pytest.mark.slow
 def test_a_rutos_unit_is_read_and_its_values_stay_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

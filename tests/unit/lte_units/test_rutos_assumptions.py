@@ -2,16 +2,25 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Any
 
 import pytest
-from test_rutos_reader import unit
+from test_rutos_reader import PASSWORD, unit
 
+from atlantis_netcfg.bearers.lte.rutos_client import CertificateUnknown
 from atlantis_netcfg.bearers.lte.rutos_read import read
-from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.errors import TRUST
+from atlantis_netcfg.core.events import Verdict, ignore
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import LteRouter
 from atlantis_netcfg.emulator.rutos import Rutos
+from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.lte.assumptions import ASSUMPTIONS, judge
+from atlantis_netcfg.operations.verifying import Verifying, written
 from atlantis_netcfg.routeros.assumptions import READS
 
 PACKAGE = Path(__file__).parents[3] / "atlantis_netcfg"
@@ -123,3 +132,31 @@ def test_an_interface_that_answers_otherwise_fails_its_row_alone(
 
 def test_a_unit_without_its_serial_number_there_fails_its_row_alone(tmp_path: Path) -> None:
     assert with_verdict(verdicts(tmp_path, serial_number=" "), Verdict.FAIL) == {"rutos-serial"}
+
+
+def verifying(running: dict[str, Any], state: Path, **access: object) -> Verifying:
+    """The declared unit of te4sea, where an emulated one stands at its address."""
+    declaration = load(PACKAGE.parent / "inventory")
+    host = declaration.hosts["te4sea-4g"]
+    assert isinstance(host.device, LteRouter)
+    assert host.device.access is not None
+    changes = {"port": running["https"], "user": "reader", "password": Secret(PASSWORD), **access}
+    device = host.device.model_copy(
+        update={"address": IPv4Address(running["host"]), "access": host.device.access.model_copy(update=changes)}
+    )
+    return Verifying(declaration, replace(host, device=device), Request(state=state), ignore)
+
+
+def test_a_unit_at_its_address_is_told_no_password_before_it_is_known(tmp_path: Path) -> None:
+    with unit(tmp_path / "unit") as (emulated, endpoint):
+        running = {"host": endpoint.host, "https": endpoint.port}
+        with pytest.raises(CertificateUnknown) as caught:
+            verifying(running, tmp_path / "state").run()
+        assert (emulated.web.requests, TRUST in str(caught.value.hint)) == ([], True)
+        verified = verifying(running, tmp_path / "state", fingerprint=endpoint.pin).run()
+    assert (verified.exit, verified.rehearsed, verified.number(Verdict.PASS)) == (0, False, len(BY_READING))
+    file = written(verified, tmp_path / "state").file
+    assert file is not None
+    kept = file.read_text(encoding="utf-8")
+    assert "te4sea-4g" in kept
+    assert not [word for word in ("127.0.0.1", "100.64.", PASSWORD, "3103242") if word in kept]
