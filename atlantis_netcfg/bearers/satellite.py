@@ -252,6 +252,8 @@ class SatelliteProbe(StrEnum):
     """While the tunnel is down its client asks again and again, so that here silence does count."""
     TIME = "ntp, answers counted by the filter"
     """The time client was made to ask; its server answers everybody, so that here silence does count."""
+    VPN = "openvpn, asked by this computer"
+    """The first packet of a session, led over the link; its server answers every member, so that silence counts."""
     NONE = "none"
 
 

@@ -106,7 +106,9 @@ def _report(opened: CommandSession, status: LinksStatus) -> LinksReport:
     return status.report(opened.site, title, rehearsed=opened.rehearsed, not_rehearsed=missing, time_zone=zone)
 
 
-_NOT_REHEARSED = "what is beyond the satellite: nobody answers there, no TCP connection is tried, nobody tells the time"
+_NOT_REHEARSED = (
+    "what is beyond the satellite: an OpenVPN here answers for the VPN server, nobody takes TCP or tells the time"
+)
 
 PROVE = CommandSpec(
     "prove",
@@ -122,7 +124,8 @@ PROVE = CommandSpec(
     flags=(
         Flag("open-filter", "open the router's filter for one host at a time: does the terminal enforce anything?"),
         Flag(
-            "try-all", "also try TCP targets and the time, for which rows are added under safe mode and removed again"
+            "try-all",
+            "also try the VPN over an idle link, TCP targets and the time: rows are added under safe mode and removed",
         ),
         Flag("rehearse", "the same with an emulated router, configured first", harmless=True),
         PROFILE,
@@ -180,8 +183,9 @@ def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli._output import as_typed, carried, progress
     from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
+    from atlantis_netcfg.operations.allow_list_test.vpn import vpn_trial
     from atlantis_netcfg.operations.request import refuse_examples
 
     found = satellite_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
@@ -199,15 +203,26 @@ def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str
             via=opened.arguments.optional("via"),
         )
         proving.notify = notify
+        if proving.try_all:
+            trial = vpn_trial(opened.declaration, found.router, found.bearer, _request(opened), opened.rehearsal)
+            proving.vpn = stack.enter_context(trial)
         expected = tuple(preview for preview in previews(opened.declaration, proving) if preview.link.metered)
         _pay(opened, expected)
         if proving.open_filter or proving.try_all:
             stack.enter_context(opened.store.lock(opened.site, f"provision prove site={opened.site}"))
         begun = time.monotonic()
         proof = try_out(opened.declaration, found.router, _request(opened), proving)
+        if proof.vpn_answered:
+            opened.store.keep_proof(opened.site, found.bearer.name)
     paid = bills(opened.declaration, proof, time.monotonic() - begun)
     dear = {name: bill for name, bill in paid.items() if name == proof.bearer or _metered(opened, name)}
-    return replace(proof, findings=(*proof.findings, *declared)), expected, dear
+    words = [f"site={opened.site}", *carried(opened.arguments)]
+
+    def completed(finding: BearerFinding) -> BearerFinding:
+        return replace(finding, hint=finding.hint and as_typed(finding.hint, words))
+
+    judged = tuple((attempt, completed(finding)) for attempt, finding in proof.judged)
+    return replace(proof, judged=judged, findings=tuple(map(completed, (*proof.findings, *declared)))), expected, dear
 
 
 def _metered(opened: CommandSession, name: str) -> bool:

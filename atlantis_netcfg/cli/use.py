@@ -130,7 +130,7 @@ def _wait(opened: CommandSession, seconds: float) -> None:
 def _begin(opened: CommandSession, use_request: UseRequest) -> RunReport:
     from atlantis_netcfg.cli.links import seen
 
-    order = use_request.order(seen(opened))
+    order = use_request.order(seen(opened), proof=opened.store.proof(opened.site, use_request.bearer.name))
     _pay(opened, use_request)
     opened.use = order
     if opened.arguments.flag("plan"):

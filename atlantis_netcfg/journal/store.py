@@ -10,6 +10,7 @@ import socket
 import time
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from functools import cache
 from typing import TYPE_CHECKING, Self
 
@@ -31,7 +32,6 @@ from atlantis_netcfg.journal.usage import Usage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
-    from datetime import datetime
     from pathlib import Path
 
     from atlantis_netcfg.journal.records import RunResumed, RunStarted
@@ -216,6 +216,19 @@ class Store:
         """What the site's bearers have carried."""
         return Usage(self._site(site) / "usage.json")
 
+    def keep_proof(self, site: str, link: str) -> None:
+        """Note that the VPN server has just answered over a link. Raises JournalFailed."""
+        place = self._proof(site, link)
+        with os_errors_as("the proof", place):
+            make_private(place.parent)
+            write_atomically(place, self._now().isoformat().encode())
+
+    def proof(self, site: str, link: str) -> datetime | None:
+        """When the VPN server last answered over a link; None: that is not known."""
+        with suppress(OSError, ValueError):
+            return datetime.fromisoformat(self._proof(site, link).read_text("ascii")).astimezone(UTC)
+        return None
+
     def lock(self, site: str, command: str) -> AbstractContextManager[object]:
         """The site's lock, to be entered before anything of the site is read for a change.
 
@@ -303,6 +316,9 @@ class Store:
 
     def _site(self, site: str) -> Path:
         return self.root / component(site)
+
+    def _proof(self, site: str, link: str) -> Path:
+        return self._site(site) / "proofs" / component(link)
 
     def _runs(self, site: str) -> Path:
         return self._site(site) / "runs"

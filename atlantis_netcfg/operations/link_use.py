@@ -1,7 +1,8 @@
 """`provision use`: what a person asks for, whether the link admits it, and what it may cost.
 
 Whether a link is good enough is what `provision links` has just seen of it. A satellite is not probed, and a link
-without canaries cannot be: there a person has to say that it works (`--unproved`).
+without canaries cannot be: there the VPN server has to have answered over it (`provision prove`), or a person has to
+say that it works (`--unproved`).
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ SHORTEST_S: Final = 60
 LONGEST_S: Final = 86_400
 _SPAN = re.compile(r"(?:(\d+)h)?(?:(\d+)m)?")
 _BITS = 8
+PROOF_S: Final = 3600
+"""How long a proof holds: by our own judgement, since no source says how long a satellite stays as it was."""
 _UNPROVED = "add `--unproved` if you know that it works, or want to find out"
 
 
@@ -93,11 +96,15 @@ class UseRequest:
     unproved: bool = False
     """A person has said that the link may be taken although nobody has seen that it works."""
 
-    def order(self, status: LinksStatus, now: datetime | None = None) -> LinkOrder:
-        """Return what the router shall hold from now on. Raises LinkNotFit, with what was seen of the link."""
+    def order(self, status: LinksStatus, now: datetime | None = None, *, proof: datetime | None = None) -> LinkOrder:
+        """Return what the router shall hold from now on. Raises LinkNotFit, with what was seen of the link.
+
+        `proof`: when the VPN server last answered over it.
+        """
+        now = now or datetime.now(UTC)
         uptime_s = self._uptime(status)
-        self._refuse_unfit(status)
-        until = (now or datetime.now(UTC)) + timedelta(seconds=self.for_s)
+        self._refuse_unfit(status, is_proved=proof is not None and 0 <= (now - proof).total_seconds() <= PROOF_S)
+        until = now + timedelta(seconds=self.for_s)
         return LinkOrder(
             link=self.bearer.name,
             since_uptime_s=uptime_s,
@@ -126,7 +133,7 @@ class UseRequest:
             )
         return int(status.uptime_s)
 
-    def _refuse_unfit(self, status: LinksStatus) -> None:
+    def _refuse_unfit(self, status: LinksStatus, *, is_proved: bool) -> None:
         found = next(bearer for bearer in status.bearers if bearer.name == self.bearer.name)
         if self.unproved or found.state is LinkState.UP:
             return
@@ -135,9 +142,17 @@ class UseRequest:
             raise LinkNotFit(
                 f"{self.bearer.name} is down, so nothing was changed: {why or 'nobody answers'}", hint=_UNPROVED
             )
+        if is_proved:
+            return
+        hint = f"give it two `canaries:` in group_vars/{self.site}.yml, which are asked then; or {_UNPROVED}"
+        if self.bearer.kind.traits.allow_list:
+            hint = (
+                f"`provision prove site={self.site} bearer={self.bearer.name} --try-all` tries the VPN over it, which "
+                f"counts for an hour; or {_UNPROVED}"
+            )
         raise LinkNotFit(
             f"whether {self.bearer.name} works is not proved, so nothing was changed: nobody asks over it",
-            hint=_UNPROVED,
+            hint=hint,
         )
 
 

@@ -9,8 +9,7 @@ What RouterOS offers over its API decides what can be proved:
   rows are on the router for a moment only, under safe mode, and only on a person's word (`/tool/fetch` speaks HTTP only
   and is forbidden by device-mode on home routers);
 - the VPN's own address follows the best link (a routing rule of ours). Over TCP it is tried all the same, by a rule for
-  what the row sends from the link's own address; over UDP only while the satellite carries the traffic, which
-  `provision use` gives it for some minutes.
+  what the row sends from the link's own address; over UDP this computer asks, by a rule for its own address (`vpn`).
 """
 
 from __future__ import annotations

@@ -23,11 +23,15 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
 
 
+MARK = "atlantis: for a proof, taken back after it"
+"""Comment of the rows, by which a person would know them."""
 BUDGET_BYTES = 20_000
 """What a proof may send and receive over the satellite, counted by the router's own port counters."""
 _ROUND_BYTES = {SatelliteProbe.ICMP: 2 * ECHO_BYTES, SatelliteProbe.TCP: 180, SatelliteProbe.TIME: 2 * NTP_BYTES}
 """A round of 5 s: half a TCP connection of about six segments of 60 bytes, or one question for the time."""
-TEMPORARY_ROWS = (SatelliteProbe.TCP, SatelliteProbe.TIME)
+VPN_BYTES = 6 * 600
+"""Questions to the VPN server: 390 bytes, and an answer that comes twice where the server keeps the session."""
+TEMPORARY_ROWS = (SatelliteProbe.TCP, SatelliteProbe.TIME, SatelliteProbe.VPN)
 """What can only be tried with rows on the router for a moment."""
 _READ, _READ_TARGET, _READ_LINK = 1_800, 350, 350
 """Bytes of one reading of the counters above TLS, question and answer: rules of each target, routes of each link.
@@ -36,6 +40,7 @@ Measured on emulated routers: 3.1 kB with 3 targets and 2 links, 3.8 kB with 3 l
 """
 _LOGIN, _TERMINAL, _PING, _ROWS = 100, 700, 200, 2_000
 _NO_TCP = "a TCP connection needs a row of netwatch for a moment"
+_NO_VPN = "this computer has to ask it over that link, which needs a routing rule for a moment"
 _NO_TIME = "the time client has to be made to ask over it, which needs a routing rule for a moment"
 _FOLLOWS = "the router sends to the VPN's address over the best link, which is not the satellite now"
 _QUIET = "the satellite does not carry the traffic now, so nothing asks this target over it"
@@ -84,7 +89,7 @@ class _How:
 
     def hint(self, why_not: str) -> str:
         """What to type so that a target can be tried; empty: nothing helps."""
-        if why_not in {_NO_TCP, _NO_TIME}:
+        if why_not in {_NO_TCP, _NO_TIME, _NO_VPN}:
             return "`provision prove site=… --try-all` tries it"
         if why_not in {_QUIET, _FOLLOWS}:
             return (
@@ -161,9 +166,11 @@ def _answering(target: AllowedTarget, how: _How) -> tuple[SatelliteProbe, str]:
     """How an allowed UDP target is tried: by the answers that something of the router's own gets."""
     if how.tells_time(target) and (how.try_all or not how.active):
         return (SatelliteProbe.TIME, "") if how.try_all else (SatelliteProbe.NONE, _NO_TIME)
+    tunnel = (target.address, target.port) == (how.pilot.vpn.endpoint, how.pilot.vpn.port)
+    if not how.active and tunnel:
+        return (SatelliteProbe.VPN, "") if how.try_all else (SatelliteProbe.NONE, _NO_VPN)
     if not how.active:
         return SatelliteProbe.NONE, _QUIET
-    tunnel = (target.address, target.port) == (how.pilot.vpn.endpoint, how.pilot.vpn.port)
     return (SatelliteProbe.TUNNEL if tunnel else SatelliteProbe.UDP_COUNTER), ""
 
 

@@ -20,12 +20,14 @@ from atlantis_netcfg.bearers.satellite import (
     judge_attempt,
     judge_factory_address,
 )
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, complete
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.declaration.satellite_allow_list import far_end
 from atlantis_netcfg.operations.allow_list_test.plan import (
     BUDGET_BYTES,
+    MARK,
     TEMPORARY_ROWS,
+    VPN_BYTES,
     NameReading,
     Task,
     answered,
@@ -45,10 +47,9 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.declaration.model import Bearer, Pilot
+    from atlantis_netcfg.operations.allow_list_test.vpn import VpnQuestion
 
 
-MARK = "atlantis: for a proof, taken back after it"
-"""Comment of the rows, by which a person would know them."""
 _FILTER = "/ip/firewall/filter"
 _TRUE = frozenset({"true", "yes"})
 
@@ -131,9 +132,12 @@ STATUS = Command("/tool/netwatch/print", ((".proplist", "host,port,status"),), (
 _INTERVAL, _PATIENCE = "10s", "8s"
 
 
-def rows(todo: Sequence[Task], bearer: Bearer, rules: Reply, *, active: bool) -> tuple[Command, ...]:
-    """What has to be on the router to ask these targets; nothing that it has already moves but the time."""
-    return (*_connections(todo, bearer), *(() if active else _ways(todo, bearer, rules)))
+def rows(todo: Sequence[Task], bearer: Bearer, rules: Reply, *, active: bool, source: str = "") -> tuple[Command, ...]:
+    """What has to be on the router to ask these targets; nothing that it has already moves but the time.
+
+    `source`: the address of this computer, where it asks.
+    """
+    return (*_connections(todo, bearer), *(() if active else _ways(todo, bearer, rules, source)))
 
 
 def _connections(todo: Sequence[Task], bearer: Bearer) -> Iterator[Command]:
@@ -144,7 +148,7 @@ def _connections(todo: Sequence[Task], bearer: Bearer) -> Iterator[Command]:
             yield Command("/tool/netwatch/add", (("type", "tcp-conn"), ("comment", MARK), *where, *pace))
 
 
-def _ways(todo: Sequence[Task], bearer: Bearer, rules: Reply) -> Iterator[Command]:
+def _ways(todo: Sequence[Task], bearer: Bearer, rules: Reply, source: str) -> Iterator[Command]:
     first = next((("place-before", row[".id"]) for row in rules.checked().rows if ".id" in row), None)
     for task in todo:
         if task.probe in TEMPORARY_ROWS:
@@ -152,8 +156,9 @@ def _ways(todo: Sequence[Task], bearer: Bearer, rules: Reply) -> Iterator[Comman
                 ("dst-address", f"{task.address}/32"),
                 ("table", f"via-{bearer.name}"),
             )
-            if task.probe is SatelliteProbe.TCP:  # only what netwatch sends from the link's own address
-                where = (("src-address", f"{bearer.address}/32"), *where)
+            # Only what netwatch sends from the link's own address, or this computer from its own.
+            if sender := {SatelliteProbe.TCP: str(bearer.address), SatelliteProbe.VPN: source}.get(task.probe):
+                where = (("src-address", f"{sender}/32"), *where)
             words = (("action", "lookup-only-in-table"), ("comment", MARK), *where)
             yield Command("/routing/rule/add", (*words, first) if first is not None else words)
 
@@ -171,14 +176,17 @@ def connected(todo: Sequence[Task], status: Reply) -> set[Task]:
 
 
 def outcome(
-    task: Task, answered: Collection[Task], before: NameReading, now: NameReading, out: str
+    task: Task, answered: Collection[Task], before: NameReading, now: NameReading, chains: tuple[str, str]
 ) -> tuple[ProbeOutcome, str]:
-    """What was seen of one of these targets; `out` is the chain of what goes out.
+    """What was seen of one of these targets; `chains`: of what goes out, and of what comes back.
 
     An answer proves something of the satellite only where the question went out over it.
     """
-    elsewhere = task.probe is SatelliteProbe.TCP and now.went_out(out, task, before) is False
-    if elsewhere:
+    out, back = chains
+    sent = now.went_out(out, task, before)
+    is_counted = task not in answered or now.answers(back, task) > before.answers(back, task)
+    elsewhere = task.probe is SatelliteProbe.TCP and sent is False
+    if elsewhere or (task.probe is SatelliteProbe.VPN and not (sent and is_counted)):
         how = "it answered" if task in answered else "it was asked"
         return ProbeOutcome.NOT_TRIED, f"{how}, but the router has counted nothing to it over the satellite"
     if task in answered:
@@ -233,6 +241,12 @@ class Proof:
             return ExitCode.NOTHING
         proved = all(verdict in _PROVED for verdict in verdicts)
         return ExitCode.DONE if proved else ExitCode.CHECKS_FAILED
+
+    @property
+    def vpn_answered(self) -> bool:
+        """Whether the VPN server itself has answered over this link, which carried nothing else."""
+        answer = SatelliteProbe.VPN, ProbeOutcome.ANSWERED
+        return any((attempt.probe, attempt.outcome) == answer for attempt, _ in self.judged)
 
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints."""
@@ -322,6 +336,8 @@ class Proving:
     """The link that the session to the router goes over."""
     open_filter: bool = False
     try_all: bool = False
+    vpn: VpnQuestion | NetcfgError = field(default_factory=lambda: NetcfgError("nothing here can ask it"))
+    """Who asks the VPN server over an idle link, or why nobody can."""
     pace: ProofPace = ProofPace()
     notify: Subscriber = lambda _event: None
     _attempts: list[Attempt] = field(default_factory=list)
@@ -332,7 +348,7 @@ class Proving:
     def expected_bytes(self) -> int:
         """What the targets cost over the satellite at most, and the session to the router if it goes there too."""
         planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
-        probes = expected_bytes(planned, self.pace.rounds)
+        probes = expected_bytes(planned, self.pace.rounds) + (VPN_BYTES if self.try_all else 0)
         if self.carrier != self.bearer.name:
             return min(BUDGET_BYTES, probes)
         always, by_turns = self._session()
@@ -355,7 +371,7 @@ class Proving:
             1 for task in planned if task.expected is Expected.REFUSED and task.probe is SatelliteProbe.ICMP
         )
         temporary = any(task.probe in TEMPORARY_ROWS for task in planned)
-        return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + temporary)
+        return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + 2 * temporary)
 
     async def run(self, session: Session) -> Proof:
         """Try everything, and judge it. Raises DeviceFailed, OutcomeUnknown if the filter may still be open."""
@@ -364,7 +380,7 @@ class Proving:
         self._opening_bytes = session.traffic.bytes
         active = active_bearer(before.routes, self.ways) == self.bearer.name
         terminal = await self._terminal(session, before.port_name)
-        planned = tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
+        planned = [self._tried(task) for task in tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)]
         for task in planned:
             if task.probe is SatelliteProbe.NONE:
                 untried = _attempt(task, ProbeOutcome.NOT_TRIED, note=task.why_not)
@@ -383,6 +399,12 @@ class Proving:
         after = await self._read(session)
         proof = self._proof(before, after, terminal, active=active)
         return replace(proof, session_bytes=session.traffic.bytes)
+
+    def _tried(self, task: Task) -> Task:
+        """The task, or why this computer cannot ask the VPN server."""
+        if task.probe is not SatelliteProbe.VPN or not isinstance(self.vpn, NetcfgError):
+            return task
+        return replace(task, probe=SatelliteProbe.NONE, why_not=str(self.vpn), hint=self.vpn.hint or "")
 
     def _proof(
         self, before: NameReading, after: NameReading, terminal: Sequence[BearerFinding], *, active: bool
@@ -519,10 +541,15 @@ class Proving:
         answers: dict[Task, float] = {}
         waited_s, rounds = 0.0, self._affordable(before)
         pause_s = self.pace.rounds / rounds * self.pace.every_s
-        added = rows(todo, self.bearer, await session.command(RULES), active=active)
+        server = next((task for task in todo if task.probe is SatelliteProbe.VPN), None)
+        vpn = None if server is None or isinstance(self.vpn, NetcfgError) else self.vpn
+        source = "" if vpn is None else vpn.source
+        added = rows(todo, self.bearer, await session.command(RULES), active=active, source=source)
         async with temporarily(session, added):
             if any(task.probe is SatelliteProbe.TIME for task in todo):
                 await ask_now(session)
+            if server is not None and vpn is not None and (after_s := await vpn.answered_after_s()) is not None:
+                answers[server] = after_s
             for turn in range(rounds):
                 self._say(f"{len(todo) - len(answers)} targets by rows of a moment", turn, rounds)
                 await self.pace.sleep(pause_s)
@@ -538,7 +565,7 @@ class Proving:
     def _requested(
         self, task: Task, answers: Mapping[Task, float], waited_s: float, before: NameReading, now: NameReading
     ) -> Attempt:
-        found, note = outcome(task, answers, before, now, self._chains[0])
+        found, note = outcome(task, answers, before, now, self._chains)
         return replace(_attempt(task, found, window_s=waited_s, note=note), after_s=answers.get(task))
 
     def _is_spent(self, now: NameReading) -> bool:
@@ -549,7 +576,7 @@ class Proving:
         """How many turns the budget has room for, with rows to be added and removed: at least one."""
         if not self._turn_bytes:
             return self.pace.rounds
-        left = BUDGET_BYTES - (now.port_bytes - self._start_bytes)
+        left = BUDGET_BYTES - VPN_BYTES - (now.port_bytes - self._start_bytes)
         return max(1, min(self.pace.rounds, left // self._turn_bytes - _END_TURNS))
 
     @property

@@ -1,20 +1,25 @@
-"""Identities for a rehearsal: of a CA that exists for it alone, which nobody keeps and no server knows."""
+"""Identities for a rehearsal, of a CA that exists for it alone and that nobody keeps; and a server that knows one."""
 
 from __future__ import annotations
 
+import shutil
+import socket
+import subprocess
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.declaration.model import Router, SiteComputer
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.client import site_link
-from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
+from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, inline
 from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Member, MemberKind, Wrap
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
     from ipaddress import IPv4Address
     from pathlib import Path
 
@@ -24,7 +29,7 @@ NOT_REHEARSED = ("the VPN: clients run with identities of the rehearsal, and no 
 _DAYS = 397
 
 
-def rehearsed_identity(declaration: Declaration, host: Host) -> Identity:
+def rehearsed_identity(declaration: Declaration, host: Host, wrap: Wrap = Wrap.TLS_CRYPT_V2) -> Identity:
     """Of a declared computer or router. Raises UsageError if it is no member of the VPN."""
     address = _address(host)
     if address is None:
@@ -40,7 +45,7 @@ def rehearsed_identity(declaration: Declaration, host: Host) -> Identity:
         sha256=pki.sha256(made),
         not_before=made.not_valid_before_utc,
         not_after=made.not_valid_after_utc,
-        wrap=Wrap.TLS_CRYPT_V2,
+        wrap=wrap,
         key=kind,
         standing=CertificateStatus.ISSUED,
     )
@@ -54,8 +59,31 @@ def rehearsed_identity(declaration: Declaration, host: Host) -> Identity:
         vehicle=None,
         certificates=(certificate,),
     )
-    wrap = pki.client_key(pki.server_key(), f"cn={host.name}".encode())
-    return Identity(member, certificate, pki.cert_pem(ca.certificate), pki.cert_pem(made), pki.key_pem(key), wrap)
+    is_shared = wrap is Wrap.TLS_CRYPT
+    wrap_key = pki.shared_key() if is_shared else pki.client_key(pki.server_key(), f"cn={host.name}".encode())
+    return Identity(member, certificate, pki.cert_pem(ca.certificate), pki.cert_pem(made), pki.key_pem(key), wrap_key)
+
+
+@contextmanager
+def vpn_server(identity: Identity) -> Iterator[int]:
+    """A real OpenVPN without a tunnel on the loopback, with the shared key of that identity; gives its port."""
+    program = shutil.which("openvpn") or shutil.which("openvpn", path="/usr/sbin:/sbin")
+    if program is None:
+        raise NothingMatched("not rehearsed: this computer has no OpenVPN that could answer", hint="install openvpn")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port: int = free.getsockname()[1]
+    with temporary.folder("vpn") as folder:
+        write_atomically(folder / "conf", inline(identity).reveal().encode())
+        words = f"--config {folder}/conf --tls-server --dh none --dev null --proto udp4 --local 127.0.0.1 --port {port}"
+        command = [program, *words.split(), "--data-ciphers", "AES-256-GCM", "--ping-exit", "600"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our words
+            try:
+                if not any("link local" in line for line in process.stdout or ()):
+                    raise NetcfgError("the OpenVPN of the rehearsal did not start")
+                yield port
+            finally:
+                process.terminate()
 
 
 def identities(declaration: Declaration, hosts: Iterable[Host], folder: Path) -> Path:

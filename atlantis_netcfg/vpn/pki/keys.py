@@ -12,6 +12,8 @@ import hmac
 import os
 import re
 import textwrap
+import time
+from dataclasses import dataclass, field
 from hashlib import sha256
 
 from cryptography.exceptions import InvalidSignature
@@ -122,6 +124,10 @@ METADATA_MAX = 733
 """Bytes: a wrapped key has at most 1024 (OpenVPN's `TLS_CRYPT_V2_MAX_WKC_LEN`), tag, key, length and kind included."""
 _SERVER = "OpenVPN tls-crypt-v2 server key"
 _CLIENT = "OpenVPN tls-crypt-v2 client key"
+_HARD_RESET_V2, _HARD_RESET_OF_SERVER, _HARD_RESET_V3 = 7 << 3, 8 << 3, 10 << 3
+"""Kinds of control packets; the third brings the client's own key."""
+_EARLY = 0x0F000001
+"""Number of the first packet by which 2.6 knows that it may answer without keeping a session."""
 _USER = b"\x00"
 """Kind of metadata: bytes of our own, which a `tls-crypt-v2-verify` script could read."""
 
@@ -141,8 +147,39 @@ def client_key(server: Secret, metadata: bytes) -> Secret:
     plain = key + _USER + metadata
     length = (32 + len(plain) + 2).to_bytes(2, "big")
     tag = hmac.digest(authentication, length + plain, sha256)
-    encryptor = Cipher(AES(encryption), CTR(tag[:16])).encryptor()
-    return _pem(_CLIENT, key + tag + encryptor.update(plain) + encryptor.finalize() + length)
+    return _pem(_CLIENT, key + tag + _ctr(encryption, tag, plain) + length)
+
+
+@dataclass(frozen=True, slots=True)
+class FirstPacket:
+    """The first packet of a client's session, and the answer that only a server with the same key can give.
+
+    It opens a session and no more: no certificate is shown, and a tunnel of the same member stays up.
+    """
+
+    wrap_key: Secret
+    """tls-crypt-v2 client key, or the shared key of tls-crypt."""
+    session: bytes = field(default_factory=lambda: os.urandom(8))
+    """The answer has to name it."""
+
+    def datagram(self) -> bytes:
+        """Give the packet as it is sent now."""
+        keys, wrapped = _client_bytes(self.wrap_key)
+        head = bytes([_HARD_RESET_V3 if wrapped else _HARD_RESET_V2]) + self.session
+        head += _EARLY.to_bytes(4, "big") + int(time.time()).to_bytes(4, "big")
+        plain = bytes(5)  # nothing acknowledged, message 0
+        tag = hmac.digest(keys[192:224], head + plain, sha256)
+        return head + tag + _ctr(keys[128:160], tag, plain) + wrapped
+
+    def is_answer(self, datagram: bytes) -> bool:
+        """Whether a server that has the key has made it, for this session."""
+        keys, _ = _client_bytes(self.wrap_key)
+        head, tag, sealed = datagram[:17], datagram[17:49], datagram[49:]
+        if not sealed or head[0] & 0xF8 != _HARD_RESET_OF_SERVER:
+            return False
+        plain = _ctr(keys[:32], tag, sealed)
+        is_made_by_server = hmac.compare_digest(hmac.digest(keys[64:96], head + plain, sha256), tag)
+        return is_made_by_server and plain.startswith(bytes([1]) + bytes(4) + self.session)  # message 0 acknowledged
 
 
 def shared_key() -> Secret:
@@ -166,3 +203,17 @@ def _server_bytes(key: Secret) -> bytes:
     if len(data) != 128:  # noqa: PLR2004 - two keys of 64 bytes each
         raise KeyDamaged("this is no tls-crypt-v2 key of a server", hint="restore it from a backup of the authority")
     return data
+
+
+def _client_bytes(key: Secret) -> tuple[bytes, bytes]:
+    """Keys of both directions, the server's first; and what goes to the server with the packet."""
+    rows = re.sub(r"^(#|-----).*$", "", key.reveal(), flags=re.MULTILINE).split()
+    if "Static key" in key.reveal():
+        return bytes.fromhex("".join(rows)), b""
+    data = base64.b64decode("".join(rows))
+    return data[:256], data[256:]
+
+
+def _ctr(key: bytes, tag: bytes, data: bytes) -> bytes:
+    encryptor = Cipher(AES(key), CTR(tag[:16])).encryptor()
+    return encryptor.update(data) + encryptor.finalize()

@@ -1,10 +1,29 @@
 """`provision prove` against a router that stands at its declared address: consent, pins, and what is left behind."""
 
-from collections.abc import Iterator
+import json
+import os
+import signal
+import socket
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from quay import Quay, quay
+from hints_said import advised, said
+from quay import PROVISION, ROUTER, Quay, quay
+from waiting import HANG_S, wait_until
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.operations.allow_list_test import site
+from atlantis_netcfg.operations.allow_list_test.plan import MARK
+from atlantis_netcfg.operations.allow_list_test.prove import ProofPace
+from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity, vpn_server
+from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
+from atlantis_netcfg.vpn.identity import Identity, Wrap
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
@@ -44,3 +63,130 @@ def test_nothing_is_sent_before_somebody_pays_and_nothing_is_left_behind(at: Qua
     dear = at.provision("prove", "site=coastal", "via=4g", code=4)
     assert "nobody has agreed to pay for this, so nothing was sent: over 4g" in dear.stderr
     assert at.export().splitlines() == before.splitlines()
+
+
+ENDPOINT = ("10.99.3.2", 1194)
+LAPTOP = "10.64.101.10"
+USE = ("use", "site=coastal", "link=satellite", "for=10m", "--yes", "--accept-cost")
+PROVE = ("prove", "site=coastal", "bearer=satellite", "--try-all", "--accept-cost")
+VPN = "10.99.3.2 udp 1194"
+
+
+@dataclass
+class Beyond:
+    """What is at the VPN's address, and what the router is told of it: it does not carry the packets itself."""
+
+    at: Quay
+    server: tuple[str, int] | None
+    is_carried: bool = True
+    """Whether the router has led the questions by itself; otherwise they came by another way."""
+    questions: int = 0
+
+    def pump(self, outside: socket.socket, inside: socket.socket) -> None:
+        while True:
+            datagram, source = outside.recvfrom(2048)
+            if not datagram:
+                return
+            self.questions += 1
+            answers = 0
+            if self.server is not None:
+                inside.sendto(datagram, self.server)
+                answers = 1
+            if self.is_carried:
+                up, down = [1, len(datagram)], [answers, 100 * answers]
+                words = {"source": source[0], "source_port": source[1], "up": up, "down": down}
+                self.at.do("carry", target=ENDPOINT[0], target_port=ENDPOINT[1], **words)
+            if answers:
+                outside.sendto(inside.recv(2048), source)
+
+
+@contextmanager
+def beyond(at: Quay, server: tuple[str, int] | None, *, is_carried: bool = True) -> Iterator[Beyond]:
+    """Let something stand at the VPN's address, and this computer in the network of the site's technician."""
+    for words in (
+        f"address add {LAPTOP}/32 dev lo",
+        f"address add {ENDPOINT[0]}/32 dev lo",
+        f"route replace local {ENDPOINT[0]} dev lo table local src {LAPTOP}",
+    ):
+        subprocess.run(["ip", *words.split()], check=True)
+    made = Beyond(at, server, is_carried=is_carried)
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outside,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as inside,
+    ):
+        outside.bind(ENDPOINT)
+        inside.settimeout(HANG_S)
+        thread = threading.Thread(target=made.pump, args=(outside, inside))
+        thread.start()
+        try:
+            yield made
+        finally:
+            inside.sendto(b"", ENDPOINT)
+            thread.join()
+
+
+def hold(at: Quay) -> Identity:
+    """Give this computer the identity of the site's router, with the server's shared key."""
+    declaration = load(at.inventory, decrypt=lambda _text: "a secret that is long enough")
+    identity = rehearsed_identity(declaration, declaration.hosts[ROUTER], Wrap.TLS_CRYPT)
+    place = at.state / "vpn" / "hosts" / f"{ROUTER}.identity"
+    place.parent.mkdir(mode=0o700, parents=True)
+    place.write_text(identity_file(identity).reveal(), "ascii")
+    return identity
+
+
+@pytest.fixture
+def prove(at: Quay, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Type `prove` in this process, and count the seconds in which others are silent instead of waiting for them."""
+
+    async def no_wait(_seconds: float) -> None:
+        pass
+
+    def typed(*words: str) -> str:
+        assert main(list(dict.fromkeys([*words, f"inventory={at.inventory}"]))) == 6, capsys.readouterr()
+        return capsys.readouterr().out
+
+    password = at.environment()["ANSIBLE_VAULT_PASSWORD_FILE"]
+    monkeypatch.setattr("ansible.constants.DEFAULT_VAULT_PASSWORD_FILE", password)
+    monkeypatch.setattr(site, "ProofPace", lambda: ProofPace(sleep=no_wait))
+    monkeypatch.setenv("ATLANTIS_STATE", str(at.state))
+    return typed
+
+
+def test_a_link_that_the_vpn_answers_over_is_put_in_use(at: Quay, prove: Callable[..., str]) -> None:
+    """What each command advises is typed: from a refused `use` over `prove` to a link in use, with a real OpenVPN."""
+    at.do("wait", seconds=200)
+    before = at.export()
+    identity = hold(at)
+    with vpn_server(identity) as port, beyond(at, ("127.0.0.1", port)) as there:
+        refused = at.provision(*USE, code=4).stderr
+        hint = "`provision prove site={} bearer={} --try-all` tries the VPN over it, which counts for an hour; or {}"
+        (words,) = advised(said(refused, hint))
+        assert tuple(words[:-1]) == PROVE[:-1]
+        assert f"VPN server ({VPN}) was reached" in prove(*words, "--accept-cost")
+        assert there.questions == 1
+        assert at.export().splitlines() == before.splitlines()
+        assert "satellite carries the traffic of coastal until" in at.provision(*USE, code=0).stdout
+
+
+def test_an_answer_that_did_not_come_over_the_satellite_is_no_proof(at: Quay, prove: Callable[..., str]) -> None:
+    at.do("wait", seconds=200)
+    identity = hold(at)
+    with vpn_server(identity) as port, beyond(at, ("127.0.0.1", port), is_carried=False):
+        told = {row["target"]: row for row in json.loads(prove(*PROVE, "--json"))["targets"]}
+        assert (told[VPN]["outcome"], told[VPN]["verdict"]) == ("not tried", "INCONCLUSIVE")
+    assert "whether satellite works is not proved" in at.provision(*USE, code=4).stderr
+
+
+def test_a_proof_that_is_killed_leaves_nothing_on_the_router(at: Quay) -> None:
+    before = at.export()
+    with beyond(at, None) as there:
+        hold(at)
+        words = [PROVISION, *PROVE, f"inventory={at.inventory}"]
+        running = subprocess.Popen(words, env=at.environment(), start_new_session=True, stderr=subprocess.DEVNULL)
+        wait_until(lambda: there.questions > 0, lambda: "nobody has asked")
+        led = at.do("console", words=["/routing/rule/print", f"?comment={MARK}", f"?src-address={LAPTOP}/32"])
+        os.killpg(running.pid, signal.SIGKILL)
+        running.wait(HANG_S)
+        assert [kind for kind, *_ in led] == ["!re", "!done"]
+        wait_until(lambda: at.export().splitlines() == before.splitlines(), at.export)

@@ -9,14 +9,15 @@ from typing import Any
 
 import preforked
 import pytest
+from hints_said import advised, said
 
 from atlantis_netcfg.journal import Store
 
 STRANGER = "203.0.113.3"
 
 
-def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
-    done = preforked.run(["prove", *typed], env={**os.environ, "ATLANTIS_STATE": str(state)})
+def provision(state: Path, *typed: str, code: int, command: str = "prove") -> subprocess.CompletedProcess[str]:
+    done = preforked.run([command, *typed], env={**os.environ, "ATLANTIS_STATE": str(state)})
     assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done
 
@@ -71,7 +72,8 @@ def test_a_site_that_declares_nothing_to_refuse_is_not_called_proved(tmp_path: P
 @pytest.mark.slow
 def test_a_session_over_the_satellite_keeps_to_the_budget_and_asks_for_the_whole_window(tmp_path: Path) -> None:
     """Each look at the counters costs airtime here, so that there are few of them, and time between them."""
-    told = json.loads(provision(tmp_path, "site=te4sea", "--try-all", "--rehearse", "--json", code=7).stdout)
+    told = json.loads(provision(tmp_path, "site=te4sea", "--try-all", "--rehearse", "--json", code=6).stdout)
+    assert {row["target"]: row["outcome"] for row in told["targets"]}["203.0.113.2 udp 1194"] == "answered"
     assert told["bytes_counted"] < told["budget_bytes"] == 20_000
     assert [row["window_s"] for row in told["targets"] if row["probe"].startswith("ntp")] == [90.0, 90.0]
 
@@ -84,6 +86,33 @@ def test_a_proof_asks_for_what_it_bills(tmp_path: Path) -> None:
     assert (expected["bearer"], expected["at_most"], set(told["costs"])) == ("satellite", True, {"satellite"})
     assert cost["payload_bytes"] > told["bytes_counted"] + 4_000
     assert cost["payload_bytes"] <= expected["payload_bytes"] <= 40_000
+
+
+@pytest.mark.slow
+def test_a_satellite_that_was_proved_is_put_in_use(tmp_path: Path) -> None:
+    """What `use` advises where nobody asks over a link is typed, and then it takes the link. A real OpenVPN answers."""
+    use = ("site=coastal", "link=satellite", "for=10m", "--rehearse")
+    refused = provision(tmp_path, *use, code=4, command="use").stderr
+    assert "whether satellite works is not proved" in refused
+    hint = "`provision prove site={} bearer={} --try-all` tries the VPN over it, which counts for an hour; or {}"
+    (words,) = advised(said(refused, hint))
+    assert "VPN server (203.0.113.2 udp 1194) was reached" in provision(tmp_path, *words[1:], code=6).stdout
+    assert "satellite carries the traffic" in provision(tmp_path, *use, code=0, command="use").stdout
+
+
+@pytest.mark.slow
+def test_a_proof_of_a_link_says_nothing_of_another_one_nor_of_a_real_one(tmp_path: Path) -> None:
+    Store(tmp_path).keep_proof("coastal", "satellite")
+    Store(tmp_path, rehearsed=True).keep_proof("coastal", "4g")
+    use = ("site=coastal", "link=satellite", "for=10m", "--rehearse")
+    assert "whether satellite works is not proved" in provision(tmp_path, *use, code=4, command="use").stderr
+
+
+@pytest.mark.slow
+def test_a_hint_of_a_rehearsal_is_of_a_rehearsal(tmp_path: Path) -> None:
+    told = json.loads(provision(tmp_path, "site=coastal", "--rehearse", "--json", code=6).stdout)
+    hints = {row["hint"] for row in told["targets"] if row["outcome"] == "not tried"}
+    assert hints == {"`provision prove site=coastal --try-all --rehearse` tries it"}
 
 
 def test_what_cannot_be_proved_is_said_before_anything_is_contacted(tmp_path: Path) -> None:

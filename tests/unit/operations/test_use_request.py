@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -125,6 +125,27 @@ def test_the_end_is_counted_by_the_router_and_told_by_this_computer() -> None:
     assert (order.link, order.since_uptime_s, order.until_uptime_s, order.proved) == ("4g", 500, 4100, True)
     assert order.until == datetime(2026, 11, 25, 21, 0, tzinfo=UTC)
     assert not wanted(unproved=True).order(status(LinkState.UNKNOWN), NOW).proved
+
+
+@pytest.mark.parametrize("age_s", [0, 3600])
+def test_a_link_over_which_the_vpn_server_has_answered_is_taken(age_s: int) -> None:
+    order = wanted("satellite").order(status(LinkState.UNKNOWN), NOW, proof=NOW - timedelta(seconds=age_s))
+    assert (order.link, order.proved) == ("satellite", True)
+
+
+@pytest.mark.parametrize(
+    ("state", "age_s"),
+    [(LinkState.UNKNOWN, 3601), (LinkState.UNKNOWN, -1), (LinkState.DOWN, 0), (LinkState.SEARCHING, 0)],
+)
+def test_a_proof_that_is_old_or_that_was_overtaken_is_none(state: LinkState, age_s: int) -> None:
+    with pytest.raises(LinkNotFit):
+        wanted("satellite").order(status(state), NOW, proof=NOW - timedelta(seconds=age_s))
+
+
+def test_a_link_that_could_be_asked_all_the_time_is_to_be_asked() -> None:
+    with pytest.raises(LinkNotFit) as refused:
+        wanted().order(status(LinkState.UNKNOWN))
+    assert "give it two `canaries:` in group_vars/coastal.yml" in str(refused.value.hint)
 
 
 def test_the_most_that_the_declared_rate_lets_through_is_told() -> None:

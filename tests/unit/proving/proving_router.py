@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from atlantis_netcfg.routeros.api import Command, Reply, Traffic, Trap
 
+LAPTOP = "10.64.101.10"
 PORT, OUT, BACK = "ether3", "to-satellite", "from-satellite"
 VPN_RULE = {"action": "return", "src-address": "203.0.113.2", "src-port": "1194", "protocol": "udp"}
 NTP_RULE = {"action": "return", "src-address": "192.0.2.123", "src-port": "123", "protocol": "udp"}
@@ -47,6 +48,8 @@ class Fake:
     """Whether the time server answers."""
     tells_both: bool = False
     """Whether the second one answers as well."""
+    vpn_counts: tuple[bool, bool] = (True, True)
+    """Whether a question and an answer of the VPN that a row leads over the satellite are counted on their way."""
     more_rules: tuple[dict[str, str], ...] = ()
     """Rules of the filter besides those of VPN and time."""
     clock: list[str] = field(default_factory=list)
@@ -93,7 +96,9 @@ class Fake:
         if (ours := self._ours(command)) is not None:
             return ours
         asked = self.asks_time and self.clock == ["no", "yes"]
+        led = any(row["menu"] == "/routing/rule" and row.get("src-address") == f"{LAPTOP}/32" for row in self.rows)
         come = 4 + int(self.counts_after is not None and self.readings > self.counts_after)
+        come += int(led and self.vpn_counts[1])
         return Reply(
             rows=(
                 {".id": "*1", "chain": OUT, "packets": str(int(asked)), **_reversed(NTP_RULE)},
@@ -103,6 +108,7 @@ class Fake:
                 {".id": "*6", "chain": OUT, "packets": str(int(asked)), **_reversed(SECOND_NTP_RULE)},
                 {".id": "*7", "chain": BACK, "packets": str(int(asked and self.tells_both)), **SECOND_NTP_RULE},
                 {".id": "*5", "chain": BACK, "action": "drop", "packets": "2"},
+                {".id": "*8", "chain": OUT, "packets": str(int(led and self.vpn_counts[0])), **_reversed(VPN_RULE)},
                 *self.more_rules,
             )
         )

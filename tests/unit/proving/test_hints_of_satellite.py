@@ -10,7 +10,7 @@ import pytest
 from hints_said import advised, said
 from proving_router import Fake
 from test_hints_of_vpn import Laptop, laptop, real
-from test_proving import ADDED, SATELLITE, prove, proving
+from test_proving import ADDED, SATELLITE, bearer, prove, proving
 
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.satellite import Attempt, Expected, ProbeOutcome, SatelliteProbe
@@ -21,6 +21,7 @@ from atlantis_netcfg.console.ssh import PinnedKey
 from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration.model import AllowedTarget
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.allow_list_test.plan import read
 from atlantis_netcfg.operations.terminals import look
@@ -117,6 +118,14 @@ def idle(_at: Laptop) -> str:
     return "\n".join(finding.hint or "" for attempt, finding in prove(Fake()).judged if attempt.name == "VPN server")
 
 
+def other_udp(_at: Laptop) -> str:
+    """Of a target that nobody asks but the site itself."""
+    words = {"name": "weather", "address": ADDED, "port": 5000, "transport": "udp"}
+    link = bearer().model_copy(update={"allow": (AllowedTarget.model_validate(words),)})
+    found = prove(Fake(), proving(try_all=True, link=link))
+    return "\n".join(finding.hint or "" for attempt, finding in found.judged if attempt.name == "weather")
+
+
 def asked_by_rows(_at: Laptop) -> str:
     hints = [finding.hint or "" for attempt, finding in prove(Fake()).judged if attempt.target.endswith(" udp 123")]
     return hints[0]
@@ -175,6 +184,12 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
     ),
     "the VPN over an idle satellite": (
         idle,
+        "`provision prove site=… --try-all` tries it",
+        7,
+        ["coastal-router True None"],
+    ),
+    "another UDP target over an idle satellite": (
+        other_udp,
         "`provision use site=… link={} for=10m --unproved` puts it in use; then type the same again",
         7,
         ["coastal-router 600 True"],

@@ -1,0 +1,88 @@
+"""Ask the VPN server over a link that carries nothing: this computer sends, and the router leads and counts.
+
+As `provision qualify` does it: a routing rule for this computer's address alone, so that the tunnels of the site stay
+where they are. What is asked is the first packet of a session, which only the pilot's server can answer. That it went
+over the link, the filter's counters of that link say.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.emulator.udp_link import UdpRelay
+from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
+from atlantis_netcfg.operations.qualify.far_end import source_of
+from atlantis_netcfg.operations.qualify.way import MeasuredFlow
+from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity, vpn_server
+from atlantis_netcfg.operations.vpn.router import identity_for
+from atlantis_netcfg.qualify.transport import UdpTransport
+from atlantis_netcfg.vpn.identity import Wrap
+from atlantis_netcfg.vpn.pki.keys import FirstPacket
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.operations.rehearsal import Rehearsal
+    from atlantis_netcfg.operations.request import Request
+
+_QUESTIONS, _EVERY_S = 6, 15.0
+"""They outlast the gaps of a satellite, and fit into the time after which silence counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class VpnQuestion:
+    """The server, asked from a socket of this computer."""
+
+    source: str
+    """The address that the router leads over the link."""
+    transport: UdpTransport
+    packet: FirstPacket
+    on_answer: Callable[[], object] | None = None
+
+    async def answered_after_s(self) -> float | None:
+        """Ask until the server answers; None: it was silent."""
+        begin_ns = self.transport.now_ns()
+        for number in range(_QUESTIONS):
+            self.transport.send(self.packet.datagram())
+            if await asyncio.to_thread(self._hears, begin_ns + int((number + 1) * _EVERY_S * 1e9)):
+                if self.on_answer is not None:
+                    self.on_answer()
+                return (self.transport.now_ns() - begin_ns) / 1e9
+        return None
+
+    def _hears(self, until_ns: int) -> bool:
+        arrivals = iter(lambda: self.transport.receive(until_ns), None)
+        return any(self.packet.is_answer(arrival.datagram) for arrival in arrivals)
+
+
+@contextmanager
+def vpn_trial(
+    declaration: Declaration, router: Host, bearer: Bearer, request: Request, twins: Rehearsal | None
+) -> Iterator[VpnQuestion | NetcfgError]:
+    """Open what asks over a link, or give what is in the way; in a rehearsal a real OpenVPN answers here."""
+    far = str(declaration.pilot.vpn.endpoint), declaration.pilot.vpn.port
+    with ExitStack() as stack:
+        trial: VpnQuestion | NetcfgError
+        try:
+            if twins is None:
+                identity, source = identity_for(declaration, router, request), source_of(declaration, router.site, *far)
+                asking, tell = stack.enter_context(UdpTransport(far, source=source)), None
+            else:
+                identity = rehearsed_identity(declaration, router, Wrap.TLS_CRYPT)
+                source = str(declaration.sites[router.site].management.technician)
+                server = "127.0.0.1", stack.enter_context(vpn_server(identity))
+                link = EmulatedLink(stack.enter_context(UdpRelay(server, *link_shapes(bearer, twins.replay))), twins)
+                asking = stack.enter_context(link.transport())
+                tell = partial(link.tell, router.name, MeasuredFlow(source, asking.source[1], *far))
+            trial = VpnQuestion(source, asking, FirstPacket(identity.wrap_key), tell)
+        except NetcfgError as error:
+            trial = error
+        yield trial
