@@ -167,9 +167,9 @@ def one_of_two(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
     blocks["mission_executor"] = (executor.action, "action", executor.callback, "callback")
     for block, (name, key, flag, other) in blocks.items():
         if (name is None) is not flag:
-            one, two = (source.label((block, word)) for word in (key, other))
+            first, second = (source.label((block, word)) for word in (key, other))
             whose = source.label((block,))
-            message = f"{whose} has both {one} and {two}" if flag else f"{whose} has neither {one} nor {two}"
+            message = f"{whose} has both {first} and {second}" if flag else f"{whose} has neither {first} nor {second}"
             yield source.wrong((block,), message, "write one of them")
 
 

@@ -101,5 +101,5 @@ def _judgement(values: Mapping[str, object] | str) -> Judgement:
     if isinstance(values, str):
         return Verdict.SKIP, values
     missing = [name for name, value in values.items() if value is None]
-    verdict, told = (Verdict.FAIL, "not told") if missing else (Verdict.PASS, "told")
-    return verdict, f"{told}: {', '.join(missing or values)}"
+    verdict, word = (Verdict.FAIL, "not told") if missing else (Verdict.PASS, "told")
+    return verdict, f"{word}: {', '.join(missing or values)}"

@@ -47,6 +47,7 @@ LINES: dict[str, str] = {
     "qualify history": "qualify history site=coastal link=LINK --rehearsed",
     "dds": "dds site=coastal host=coastal-gateway",
     "fit": "fit site=coastal vehicle=sparus",
+    "robot validate": "robot validate vehicle=sparus",
     "report list": "report list site=coastal --rehearsed",
     "report show": "report show site=coastal --rehearsed",
     "report verify": "report verify site=coastal",
