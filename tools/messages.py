@@ -59,6 +59,7 @@ IN = (
     "ansible_collections/atlantis/netcfg/plugins/modules",
     "ansible_collections/atlantis/netcfg/plugins/action",
     "bearers",
+    "robots",
     "bootstrap",
     "core",
     "routeros",

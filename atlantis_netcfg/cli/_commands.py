@@ -51,6 +51,8 @@ COMMANDS: Mapping[str, str] = {
     "dds": "atlantis_netcfg.cli.declaration:dds",
     "fit": "atlantis_netcfg.cli.fit:fit",
     "robot validate": "atlantis_netcfg.cli.robot:robot_validate",
+    "robot discover": "atlantis_netcfg.cli.robot:robot_discover",
+    "robot mock": "atlantis_netcfg.cli.robot:robot_mock",
     "report list": "atlantis_netcfg.cli.checklist:report_list",
     "report show": "atlantis_netcfg.cli.checklist:report_show",
     "report verify": "atlantis_netcfg.cli.checklist:report_verify",

@@ -1,4 +1,4 @@
-"""`provision robot`: robots' configuration files. No robot is contacted."""
+"""`provision robot`: robots' configuration files, who is heard on the network, and mock robots."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Finding
     from atlantis_netcfg.declaration.robots.key_names import KeyNames
     from atlantis_netcfg.declaration.robots.reading import RobotSource
+    from atlantis_netcfg.robots.mock import MockRobot
+    from atlantis_netcfg.robots.observation import Observation, RobotReport
 
 ROBOT_VALIDATE = CommandSpec(
     "robot validate",
@@ -36,14 +38,10 @@ _DAY_S = 86_400
 
 def run_robot_validate(arguments: Arguments) -> ExitCode:
     """Say what each robot declares, or list every error."""
-    from pathlib import Path
-
-    from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import InventoryInvalid, load
+    from atlantis_netcfg.declaration import InventoryInvalid
     from atlantis_netcfg.declaration.robots.reading import key_names
 
-    named = arguments.optional("inventory")
-    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    declaration = _declaration(arguments)
     names, findings = key_names(declaration)
     sources = _sources(arguments, declaration, names)
     findings += [finding for source in sources for finding in source.findings]
@@ -120,6 +118,158 @@ def _lines(source: RobotSource) -> Iterator[str]:
     plans = f"plans by the action {robot.full_name(executor)}" if executor else "plans by a function of its program"
     yield translate(f"      {plans}")
     yield translate(f"      until it is registered, its configuration is {size(source.size * _DAY_S)} a day, at 1 Hz")
+
+
+_ADDRESS = Word("address", "this computer's address in the robots' network, where it is not found by itself")
+
+ROBOT_DISCOVER = CommandSpec(
+    "robot discover",
+    "listen at a site: which robots publish their configuration and topics, and whether that is as their files say",
+    group=Group.LINKS,
+    words=(
+        Word("site", "the site, to whose LAN or VPN this computer is connected", required=True, example="coastal"),
+        Word("for", "how long, from 5 seconds to an hour; 30 s if left out", example="30s"),
+        _ADDRESS,
+        INVENTORY,
+    ),
+    flags=(JSON,),
+    details=(
+        "From this computer, without ROS; nothing is sent but the announcements of DDS. Topics of ROS 2 alone are "
+        "heard, in the domain of the pilot. Exit code 0: every robot that is tested there was heard and is as it says; "
+        "6: one was not, a stranger was heard, or nothing at all."
+    ),
+)
+
+
+def run_robot_discover(arguments: Arguments) -> ExitCode:
+    """Listen, and say who was heard."""
+    from atlantis_netcfg.operations import robots
+
+    declaration, site = _declaration(arguments), arguments.word("site")
+    _require_site(declaration, site)
+    seconds = robots.seconds_of(arguments.optional("for") or "30s")
+    observation, reports = robots.discover(declaration, site, seconds, arguments.optional("address"))
+    code = robots.ending(reports, observation)
+    if arguments.flag("json"):
+        print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports)}))
+        return code
+    for report in reports:
+        for line in _report_lines(report):
+            print(line)
+    count = len(observation.participants)
+    number = robots.dds_of(declaration).domain
+    print(translate(f"participants of domain {number} that were heard in {observation.seconds:.0f} s: {count}"))
+    if not count:
+        print(translate("silence proves nothing: is a robot on, in this network, and in this domain?"))
+    return code
+
+
+def _report_lines(report: RobotReport) -> Iterator[str]:
+    whose = f", vehicle {report.vehicle}" if report.vehicle else ""
+    yield f"{report.verdict.value:<13}{report.namespace}: {translate(report.state.value)}{whose}"
+    for writer in report.topics:
+        rate = "?" if writer.rate_hz is None else f"{writer.rate_hz:.2f}"
+        yield f"    {rate:>6} Hz {writer.size_bytes:>7} B  {writer.topic}"
+    for finding in report.findings:
+        yield f"  {finding.verdict.value:<13}{translate(finding.message)}"
+        if finding.hint:
+            yield f"  {'':<13}{translate(finding.hint)}"
+
+
+def _heard_as_json(observation: Observation, reports: Sequence[RobotReport]) -> dict[str, object]:
+    return {
+        "seconds": round(observation.seconds, 1),
+        "participants": observation.participants,
+        "robots": [
+            {
+                "namespace": report.namespace,
+                "state": report.state.value,
+                "vehicle": report.vehicle,
+                "verdict": report.verdict.value,
+                "topics": {
+                    writer.topic: {
+                        "type": writer.type,
+                        "rate_hz": None if writer.rate_hz is None else round(writer.rate_hz, 2),
+                        "bytes": writer.size_bytes,
+                        "messages": writer.messages,
+                        "reliable": writer.reliable,
+                    }
+                    for writer in report.topics
+                },
+                "findings": [
+                    {"verdict": each.verdict.value, "code": each.code, "message": each.message, "hint": each.hint}
+                    for each in report.findings
+                ],
+            }
+            for report in reports
+        ],
+    }
+
+
+ROBOT_MOCK = CommandSpec(
+    "robot mock",
+    "be a robot: publish its configuration and its topics, so that a control centre can be tried without a boat",
+    group=Group.LINKS,
+    words=(
+        Word("vehicle", "only these robots; all that the declaration has if left out", many=True, example="sparus"),
+        Word("site", "for the listeners of this site; on this computer alone if left out", example="coastal"),
+        Word("for", "how long, from 5 seconds to an hour; else until Ctrl-C", example="5m"),
+        _ADDRESS,
+        INVENTORY,
+    ),
+    details=(
+        "From this computer, without ROS, by the names and types of ROS 2. Its position is a circle off Viana do "
+        "Castelo. Commands and plans are not answered yet. The tokens of the robots' files are published: use examples."
+    ),
+)
+
+
+def run_robot_mock(arguments: Arguments) -> ExitCode:
+    """Publish until the time is over."""
+    from contextlib import suppress
+
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.declaration.findings import meant
+    from atlantis_netcfg.operations import robots
+
+    declaration, site = _declaration(arguments), arguments.optional("site")
+    if site is not None:
+        _require_site(declaration, site)
+    for vehicle in arguments.many("vehicle"):
+        if vehicle not in declaration.vehicles:
+            hint = meant(vehicle, declaration.vehicles, none="")
+            raise UsageError(f"no vehicle is called `{vehicle}`", hint=hint)
+    span = arguments.optional("for")
+    place = robots.mock_place(declaration, site, arguments.optional("address"))
+    started: list[MockRobot] = []
+
+    def tell(mocks: Sequence[MockRobot]) -> None:
+        started.extend(mocks)
+        names = ", ".join(each.robot.name for each in mocks)
+        print(translate(f"at {place.address}, in domain {robots.dds_of(declaration).domain}: {names}"))
+        print(translate("Ctrl-C ends it"), flush=True)
+
+    with suppress(KeyboardInterrupt):
+        robots.mock(declaration, arguments.many("vehicle"), place, robots.seconds_of(span) if span else None, tell)
+    for each in started:
+        print(translate(f"  {each.robot.name}: {sum(each.sent.values())} messages on {len(each.sent)} topics"))
+    return ExitCode.DONE if started else ExitCode.NOTHING
+
+
+def _declaration(arguments: Arguments) -> Declaration:
+    from pathlib import Path
+
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.declaration import load
+
+    named = arguments.optional("inventory")
+    return load(Path(named) if named else paths.checkout() / "inventory")
+
+
+def _require_site(declaration: Declaration, site: str) -> None:
+    from atlantis_netcfg.declaration import choose
+
+    choose(declaration, site)
 
 
 def _counts(counter: dict[str, int]) -> str:

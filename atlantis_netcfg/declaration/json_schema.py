@@ -100,7 +100,7 @@ def _robot_keys() -> dict[str, Any]:
         "$schema": _DRAFT,
         "title": "robot keys",
         "description": words,
-        **_block({"keys": keys, "ignored": ignored}),
+        **_block({"keys": keys, "ignored": ignored, "configuration_topic": {"type": "string", "pattern": "^/"}}),
     }
 
 

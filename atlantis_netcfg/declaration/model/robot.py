@@ -75,6 +75,11 @@ class TopicKind(StrEnum):
         return _TYPES[self]
 
     @property
+    def moves(self) -> bool:
+        """Whether it never stands quite still on the water."""
+        return self in {TopicKind.POSE, TopicKind.GPS}
+
+    @property
     def data(self) -> TelemetryData:
         """By which guideline its rate is judged."""
         return _DATA.get(self, TelemetryData.NUMBERS)

@@ -5,6 +5,7 @@
       telemetry.booleans: interfaces.bool       # elsewhere in the file
       label: name                               # wherever a `label` may stand
     ignored: [robot_colour]                     # keys of theirs that are not read
+    configuration_topic: /atlantis/configuration    # on which robots publish their files
 
 Our own words are understood as well.
 """
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration._schema import item_of, model_of
 from atlantis_netcfg.declaration.findings import Finding, meant, shown_key
 from atlantis_netcfg.declaration.model.robot import RobotFile
+from atlantis_netcfg.declaration.robots.ros_names import why_no_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
 KEY = r"[A-Za-z_][\w-]*(\.[A-Za-z_][\w-]*)*"
 """A key of a file, or several on the way to one."""
 
+CONFIGURATION_TOPIC = "/atlantis/configuration"
+_OURS = ("keys", "ignored", "configuration_topic")
+
 
 @dataclass(frozen=True, slots=True)
 class KeyNames:
@@ -37,6 +42,8 @@ class KeyNames:
     names: Mapping[str, str] = field(default_factory=dict)
     """Our key, alone or with those above it (`telemetry.booleans`; entries of lists have no number), and theirs."""
     ignored: frozenset[str] = frozenset()
+    configuration_topic: str = CONFIGURATION_TOPIC
+    """On which robots publish their files; its real name is not known, and this one is a proposal."""
 
     def key_of(self, path: tuple[str | int, ...]) -> str:
         """The key at a path of ours as the file calls it."""
@@ -76,9 +83,9 @@ class KeyNames:
 def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
     """What `robots/keys.yml` declares, and what is wrong in it."""
     findings = [
-        Finding.at(below.place, f"`{shown_key(key)}` is not known here", meant(key, ("keys", "ignored"), none=""))
+        Finding.at(below.place, f"`{shown_key(key)}` is not known here", meant(key, _OURS, none=""))
         for key, below in node.keys.items()
-        if key not in {"keys", "ignored"}
+        if key not in _OURS
     ]
     known, names = set(key_paths(RobotFile)), dict[str, str]()
     keys, ignored = node.keys.get("keys"), node.keys.get("ignored")
@@ -99,7 +106,15 @@ def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
         if not isinstance(ignored.value, list) or len(left) < len(entries):
             hint = "write it like [colour, owner]"
             findings.append(Finding.at(ignored.place, "`ignored` wants a list of keys", hint))
-    return KeyNames(names, frozenset(left)), findings
+    topic = node.keys.get("configuration_topic")
+    name = str(topic.value) if topic is not None else CONFIGURATION_TOPIC
+    if topic is not None and (why := why_no_name(name) or _relative(name)):
+        findings.append(Finding.at(topic.mark, *why))
+    return KeyNames(names, frozenset(left), name), findings
+
+
+def _relative(name: str) -> tuple[str, str] | None:
+    return None if name.startswith("/") else (f"`{name}` is below no namespace: all robots share it", f"/{name}")
 
 
 def key_paths(model: type[BaseModel], above: tuple[str, ...] = ()) -> Iterator[str]:

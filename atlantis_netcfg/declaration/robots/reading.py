@@ -44,6 +44,15 @@ class RobotSource:
     findings: tuple[Finding, ...] = ()
     warnings: tuple[Finding, ...] = ()
 
+    def text(self) -> str:
+        """The file as the robot publishes it."""
+        return self.file.read_text(encoding="utf-8-sig")
+
+    @property
+    def token_is_sealed(self) -> bool:
+        """Nobody has opened the vault: the token cannot be compared."""
+        return self.robot is None or isinstance(self.robot.token, SealedSecret)
+
     def wrong(self, path: _Path, message: str, hint: str) -> Finding:
         """An error at a value; of a block, at its key."""
         return Finding.at(self.mark(path), message, hint)
@@ -100,6 +109,19 @@ def check_declared(declaration: Declaration) -> list[Finding]:
     if findings:
         raise InventoryInvalid(findings)
     return [finding for source in sources for finding in source.warnings]
+
+
+def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]:
+    """A configuration as a robot publishes it: YAML, of which JSON is a part. None: the second is the first error."""
+    if len(data) > LARGEST:
+        return None, "it is larger than 1 MB"
+    node, findings = parse(data, "line", None)
+    if node is None or not isinstance(node.value, dict):
+        return None, str(findings[0]) if findings else "it holds no keys"
+    root, findings = names.translate(node)
+    robot, _, wrong = build(root, RobotFile, "it", names.key_of)
+    findings = sorted((*findings, *wrong))
+    return (robot, "") if robot is not None and not findings else (None, str(findings[0]))
 
 
 def _with_namespaces_compared(sources: Sequence[RobotSource]) -> list[RobotSource]:

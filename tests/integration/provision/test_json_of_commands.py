@@ -48,6 +48,7 @@ LINES: dict[str, str] = {
     "dds": "dds site=coastal host=coastal-gateway",
     "fit": "fit site=coastal vehicle=sparus",
     "robot validate": "robot validate vehicle=sparus",
+    "robot discover": "robot discover site=coastal for=5s",
     "report list": "report list site=coastal --rehearsed",
     "report show": "report show site=coastal --rehearsed",
     "report verify": "report verify site=coastal",

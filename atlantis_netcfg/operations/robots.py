@@ -1,0 +1,178 @@
+"""Robots on the network of a site: who is heard there, and mock robots in their place."""
+
+from __future__ import annotations
+
+import re
+import socket
+import time
+from dataclasses import dataclass
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import InventoryInvalid
+from atlantis_netcfg.declaration.model import ControlCentre, ServerComputer
+from atlantis_netcfg.declaration.robots.reading import FOLDER, key_names, read_declared
+from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
+from atlantis_netcfg.robots.mock import MockRobot
+from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile
+from atlantis_netcfg.robots.observation import RobotState, judge
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model import Dds
+    from atlantis_netcfg.declaration.robots.key_names import KeyNames
+    from atlantis_netcfg.declaration.robots.reading import RobotSource
+    from atlantis_netcfg.robots.observation import Observation, RobotReport
+
+LOOPBACK: Final = "127.0.0.1"
+SHORTEST_S, LONGEST_S = 5, 3600
+_LISTENERS: Final = 20
+"""Participants of one computer that are found: mock robots and whoever listens to them."""
+_POSITION: Final = (41.68, -8.83)
+"""Off Viana do Castelo, where a site declares no geofence."""
+
+
+def seconds_of(text: str) -> int:
+    """Return what `for=` says. Raises UsageError."""
+    found = re.fullmatch(r"([0-9]{1,6})(s|m)?", text)
+    seconds = int(found[1]) * (60 if found[2] == "m" else 1) if found else 0
+    if not SHORTEST_S <= seconds <= LONGEST_S:
+        hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `for=30s`, `for=5m`"
+        raise UsageError(f"`for={text}` is no such time", hint=hint)
+    return seconds
+
+
+def robots_of(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
+    """Every robot of the inventory. Raises InventoryInvalid, and NothingMatched where there is none."""
+    names, findings = key_names(declaration)
+    sources = read_declared(declaration, names)
+    findings += [finding for source in sources for finding in source.findings]
+    if findings:
+        raise InventoryInvalid(findings, "in robots' files; no robot was contacted")
+    if not sources:
+        raise NothingMatched("no robot is declared", hint="put the robots' files into robots/: docs/robots.md says how")
+    return sources, names
+
+
+def dds_of(declaration: Declaration) -> Dds:
+    """How the pilot's participants find each other. Raises UsageError."""
+    if declaration.pilot.dds is None:
+        raise UsageError("the pilot declares no `dds`", hint="write `dds: {distribution: foxy}` below `pilot:`")
+    return declaration.pilot.dds
+
+
+def own_address(declaration: Declaration, site: str) -> str:
+    """By which address this computer reaches the LAN of a site; no packet is sent. Raises UsageError."""
+    network = declaration.sites[site].lan
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((str(network.gateway), 9))
+        except OSError as error:
+            hint = f"plug it into the LAN of {site}, or join the VPN; `address=` names another address of this computer"
+            raise UsageError(f"this computer has no way to {network.network}: {error.strerror}", hint=hint) from error
+        return str(probe.getsockname()[0])
+
+
+def _address(declaration: Declaration, site: str, address: str | None) -> str:
+    """The named address, else the one that leads to the site; what is real leaves this computer. Raises UsageError."""
+    try:
+        if address is not None and IPv4Address(address).is_loopback:
+            return address
+    except ValueError:
+        message = f"`address={address}` is no IPv4 address"
+        raise UsageError(message, hint="`ip address` shows those of this computer") from None
+    refuse_examples(declaration, rehearsed=False)
+    return address or own_address(declaration, site)
+
+
+def peers_of(declaration: Declaration, site: str) -> list[str]:
+    """Addresses at which participants of a site may be: robots, its computers, and every control centre."""
+    dds = dds_of(declaration)
+    lan = [str(each.address) for each in declaration.sites[site].lan.reservations if each.name in declaration.vehicles]
+    computers = [
+        host.device
+        for host in declaration.hosts.values()
+        if isinstance(host.device, ServerComputer) and (host.site == site or isinstance(host.device, ControlCentre))
+    ]
+    addresses = [str(each.address) for each in computers]
+    addresses += [str(each.vpn_address) for each in computers if each.vpn_address is not None]
+    return [*lan, *addresses, *(str(peer.address) for peer in dds.peers if peer.site in {None, site})]
+
+
+def expected_at(declaration: Declaration, site: str) -> list[str]:
+    """The vehicles that are tested at a site."""
+    named = declaration.sites[site].checklist.vehicles
+    return [key for key in declaration.vehicles if named is None or key in named]
+
+
+def discover(
+    declaration: Declaration, site: str, seconds: float, address: str | None
+) -> tuple[Observation, list[RobotReport]]:
+    """Listen at a site, and compare what is heard with the robots' files. Raises UsageError."""
+    sources, names = robots_of(declaration)
+    dds = dds_of(declaration)
+    types = MessageTypes(declaration.root / FOLDER / INTERFACES)
+    local = _address(declaration, site, address)
+    with domain(dds.domain, profile(local, peers_of(declaration, site), dds.participants)) as number:
+        observation = RobotListener(number, types, names.configuration_topic).listen(seconds)
+    return observation, judge(observation, sources, expected_at(declaration, site), names)
+
+
+def ending(reports: Sequence[RobotReport], observation: Observation) -> ExitCode:
+    """0: every robot that was expected was heard and is as declared; a stranger, and silence, are never that."""
+    known = [report for report in reports if report.state is RobotState.DECLARED]
+    if not observation.participants or not known:
+        return ExitCode.CHECKS_FAILED
+    passed = all(
+        report.state is not RobotState.UNKNOWN and report.verdict in {Verdict.PASS, Verdict.WARN} for report in reports
+    )
+    return ExitCode.DONE if passed else ExitCode.CHECKS_FAILED
+
+
+@dataclass(frozen=True, slots=True)
+class MockPlace:
+    """Where mock robots are."""
+
+    address: str
+    """Of this computer, by which others reach them."""
+    peers: Sequence[str]
+    """Where their listeners may be."""
+
+
+def mock_place(declaration: Declaration, site: str | None, address: str | None) -> MockPlace:
+    """Where robots of a site are; without a site they are heard on this computer alone. Raises UsageError."""
+    if site is None:
+        return MockPlace(address or LOOPBACK, ())
+    return MockPlace(_address(declaration, site, address), peers_of(declaration, site))
+
+
+def mock(
+    declaration: Declaration,
+    vehicles: Sequence[str],
+    place: MockPlace,
+    seconds: float | None,
+    tell: Callable[[Sequence[MockRobot]], None],
+) -> list[MockRobot]:
+    """Be these robots until the time is over; `tell` hears who they are when they begin. Raises UsageError."""
+    sources, names = robots_of(declaration)
+    dds = dds_of(declaration)
+    types = MessageTypes(declaration.root / FOLDER / INTERFACES)
+    robots = [
+        (each.robot, each.text()) for each in sources if each.robot and (not vehicles or each.vehicle in vehicles)
+    ]
+    with domain(dds.domain, profile(place.address, place.peers, max(_LISTENERS, dds.participants))) as number:
+        mocks = [
+            MockRobot(robot, text, *_POSITION, types, Publisher(number, types), names.configuration_topic)
+            for robot, text in robots
+        ]
+        tell(mocks)
+        until = None if seconds is None else time.monotonic() + seconds
+        while until is None or time.monotonic() < until:
+            next_s = min(each.step(time.monotonic()) for each in mocks)
+            time.sleep(min(0.1, max(0.0, next_s - time.monotonic())))
+    return mocks

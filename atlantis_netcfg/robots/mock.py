@@ -1,0 +1,101 @@
+"""A mock robot: it publishes what its file says, at the report's rates, so that a control centre can be tried."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.robots.network import CONFIGURATION_TYPE, Publisher
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from atlantis_netcfg.declaration.model.robot import PublishedTopic, RobotFile
+    from atlantis_netcfg.robots.message_types import MessageTypes
+
+RATES_HZ: Mapping[TopicKind, float] = {
+    TopicKind.BOOLEAN: 2.0,
+    TopicKind.NUMBER: 2.0,
+    TopicKind.POSE: 2.0,
+    TopicKind.GPS: 2.0,
+    TopicKind.IMAGE: 4.0,
+    TopicKind.POINT_CLOUD: 0.5,
+}
+"""Inside the guidelines of the report's section 3.3.3."""
+_RADIUS_M: Final = 5.0
+_ROUND_S: Final = 60.0
+"""It sails a small circle once a minute."""
+_METRES_A_DEGREE: Final = 111_320.0
+_WIDTH, _HEIGHT = 80, 60
+
+
+@dataclass(slots=True)
+class MockRobot:
+    """One robot; `step` sends whatever is due."""
+
+    robot: RobotFile
+    text: str
+    """Its configuration as it publishes it."""
+    latitude: float
+    longitude: float
+    types: MessageTypes
+    publisher: Publisher
+    configuration_topic: str
+    due: dict[str, float] = field(default_factory=dict)
+    sent: dict[str, int] = field(default_factory=dict)
+
+    def step(self, now: float) -> float:
+        """Publish what is due at this second of the monotonic clock; say when the next is."""
+        self._every(1.0, self.configuration_topic, CONFIGURATION_TYPE, now, self._configuration)
+        for topic in self.robot.topics():
+            self._every(RATES_HZ[topic.kind], topic.name, topic.message_type, now, partial(self._message, topic, now))
+        return min(self.due.values())
+
+    def _every(self, rate_hz: float, name: str, kind: str, now: float, make: Callable[[], Any]) -> None:
+        if now < self.due.setdefault(name, now):
+            return
+        self.publisher.publish(name, kind, make())
+        self.sent[name] = self.sent.get(name, 0) + 1
+        self.due[name] += 1 / rate_hz
+
+    def _configuration(self) -> Any:  # noqa: ANN401 - a message
+        message = self.types.empty(CONFIGURATION_TYPE)
+        message.data = self.text
+        return message
+
+    def _message(self, topic: PublishedTopic, now: float) -> Any:  # noqa: ANN401 - a message
+        message = self.types.empty(topic.message_type)
+        stamp = getattr(message, "stamp", None) or getattr(getattr(message, "header", None), "stamp", None)
+        if stamp is not None:
+            wall = time.time()
+            stamp.sec, stamp.nanosec = int(wall), int(wall % 1 * 1e9)
+        angle = 2 * math.pi * now / _ROUND_S
+        east, north = _RADIUS_M * math.cos(angle), _RADIUS_M * math.sin(angle)
+        pose = getattr(message, "pose", message)
+        match topic.kind:
+            case TopicKind.BOOLEAN:
+                _set(message, "data", False)
+            case TopicKind.NUMBER:
+                _set(message, "data", 12.0 + math.sin(angle))
+            case TopicKind.POSE if hasattr(pose, "position"):
+                pose.position.x, pose.position.y = east, north
+                pose.orientation.z, pose.orientation.w = math.sin(angle / 2), math.cos(angle / 2)
+            case TopicKind.GPS if hasattr(message, "latitude"):
+                message.latitude = self.latitude + north / _METRES_A_DEGREE
+                message.longitude = self.longitude + east / (_METRES_A_DEGREE * math.cos(math.radians(self.latitude)))
+            case TopicKind.IMAGE if hasattr(message, "encoding"):
+                message.width, message.height, message.step, message.encoding = _WIDTH, _HEIGHT, _WIDTH, "mono8"
+                shade = int(128 + 127 * math.sin(angle))
+                message.data = [shade] * (_WIDTH * _HEIGHT)
+            case _:
+                pass
+        return message
+
+
+def _set(message: Any, name: str, value: object) -> None:  # noqa: ANN401 - a message of the pilot's own type
+    if hasattr(message, name):
+        setattr(message, name, value)

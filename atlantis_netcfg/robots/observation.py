@@ -1,0 +1,245 @@
+"""What was heard of robots on a network, and what it means beside their files. Pure: nothing here listens."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration.robots.reading import read_published
+from atlantis_netcfg.declaration.rules.vehicles import beside_guideline
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.declaration.model.robot import PublishedTopic, RobotFile
+    from atlantis_netcfg.declaration.robots.key_names import KeyNames
+    from atlantis_netcfg.declaration.robots.reading import RobotSource
+
+_CONFIGURATION_HZ: Final = (0.8, 1.25)
+"""The report's 1 Hz (3.4), as a laptop's clock and a busy robot have it."""
+_FEWEST: Final = 3
+"""Messages from which a rate is told."""
+_TOLERANCE: Final = 1.1
+"""Above a guideline: a rate that is measured is never exact."""
+_CHECK_ITS_FILE: Final = "ask its partner for the file that it publishes, and check that: `provision robot validate`"
+_STALE_S: Final = 5.0
+"""Stamps that differ so much from the time of arrival are of another clock, or of an old message."""
+
+
+@dataclass(slots=True)
+class HeardWriter:
+    """One publisher of a topic, and what came from it while we listened."""
+
+    participant: str
+    topic: str
+    type: str
+    """In ROS' words where it is a type of ROS."""
+    reliable: bool = False
+    messages: int = 0
+    octets: int = 0
+    """Of all messages, serialised."""
+    first_s: float = 0.0
+    last_s: float = 0.0
+    contents: set[bytes] = field(default_factory=set)
+    """A short hash of each different message, without its stamp; at most 3 are kept."""
+    stamp_age_s: float | None = None
+    """The oldest stamp, as it arrived; None: its messages have no stamp."""
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Messages a second; None: too few to tell."""
+        if self.messages < _FEWEST or self.last_s <= self.first_s:
+            return None
+        return (self.messages - 1) / (self.last_s - self.first_s)
+
+    @property
+    def size_bytes(self) -> int:
+        """Of a message, on average."""
+        return round(self.octets / self.messages) if self.messages else 0
+
+
+@dataclass(slots=True)
+class HeardConfiguration:
+    """A configuration as a participant publishes it."""
+
+    writer: HeardWriter
+    text: bytes = field(repr=False)
+    """The last one. It holds the robot's token: it is never shown."""
+
+
+@dataclass(slots=True)
+class Observation:
+    """What was heard in a while."""
+
+    seconds: float
+    participants: dict[str, str] = field(default_factory=dict)
+    """Key to the addresses that it names."""
+    writers: list[HeardWriter] = field(default_factory=list)
+    configurations: list[HeardConfiguration] = field(default_factory=list)
+    unread: dict[str, str] = field(default_factory=dict)
+    """Topics of types whose definition is not known: they were seen, and their messages not counted."""
+
+
+class RobotState(StrEnum):
+    """What a robot is to this inventory."""
+
+    DECLARED = "declared"
+    UNKNOWN = "unknown"
+    MISSING = "missing"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotReport:
+    """One robot: what it is to us, and what was found."""
+
+    namespace: str
+    state: RobotState
+    vehicle: str | None
+    findings: tuple[BearerFinding, ...]
+    topics: tuple[HeardWriter, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of its findings; PASS where there is none."""
+        order = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.WARN)
+        return next(
+            (verdict for verdict in order if any(each.verdict is verdict for each in self.findings)), Verdict.PASS
+        )
+
+
+def judge(
+    observation: Observation, declared: Sequence[RobotSource], expected: Sequence[str], names: KeyNames
+) -> list[RobotReport]:
+    """Compare what was heard with the robots' files; `expected` are the vehicles that should be here."""
+    known = {source.robot.name: source for source in declared if source.robot is not None}
+    introductions: dict[str, list[tuple[HeardConfiguration, RobotFile]]] = {}
+    reports = []
+    for configuration in observation.configurations:
+        robot, error = read_published(configuration.text, names)
+        if robot is None:
+            who = observation.participants.get(configuration.writer.participant, "an unknown address")
+            message = f"{who} publishes a configuration that cannot be read: {error}"
+            finding = BearerFinding(Verdict.FAIL, "configuration-unreadable", message, _CHECK_ITS_FILE)
+            reports.append(RobotReport(who, RobotState.UNKNOWN, None, (finding,)))
+        else:
+            introductions.setdefault(robot.name, []).append((configuration, robot))
+    for name, copies in introductions.items():
+        configuration, robot = copies[-1]
+        source = known.get(name)
+        findings = [*_copies(name, copies, observation), *_configuration(configuration)]
+        findings += _against_the_file(robot, source) if source is not None else [_unknown(name, known)]
+        keys = {each.writer.participant for each, _ in copies}
+        writers = [writer for writer in observation.writers if writer.participant in keys]
+        findings += _topics(robot, writers, observation)
+        state = RobotState.UNKNOWN if source is None else RobotState.DECLARED
+        vehicle = source.vehicle if source is not None else None
+        reports.append(RobotReport(name, state, vehicle, tuple(findings), tuple(writers)))
+    here = {report.vehicle for report in reports}
+    reports += [_missing(source, observation) for source in known.values() if source.vehicle in {*expected} - here]
+    return sorted(reports, key=lambda report: (report.state != RobotState.DECLARED, report.namespace))
+
+
+def _missing(source: RobotSource, observation: Observation) -> RobotReport:
+    name = source.robot.name if source.robot is not None else str(source.vehicle)
+    message = f"nothing was heard of it in {observation.seconds:.0f} s"
+    hint = "is it switched on, in the network, and in the domain of `dds.domain`?"
+    finding = BearerFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)
+    return RobotReport(name, RobotState.MISSING, source.vehicle, (finding,))
+
+
+def _unknown(name: str, known: Mapping[str, RobotSource]) -> BearerFinding:
+    near = nearest(name, known)
+    message = f"no robot of this inventory has the namespace `{name}`"
+    if near is not None:
+        message = f"no robot of this inventory has the namespace `{name}`; did it mean `{near}`?"
+    hint = "a person decides: docs/robots.md says how it is let in, and what keeps it out"
+    return BearerFinding(Verdict.WARN, "robot-unknown", message, hint)
+
+
+def _copies(
+    name: str, copies: Sequence[tuple[HeardConfiguration, RobotFile]], observation: Observation
+) -> Iterator[BearerFinding]:
+    keys = dict.fromkeys(configuration.writer.participant for configuration, _ in copies)
+    if len(keys) > 1:
+        where = " and ".join(observation.participants.get(key, "an unknown address") for key in keys)
+        message = f"{len(keys)} participants introduce themselves as `{name}`: {where}"
+        yield BearerFinding(Verdict.FAIL, "namespace-twice", message, "give each robot a namespace of its own")
+
+
+def _configuration(configuration: HeardConfiguration) -> Iterator[BearerFinding]:
+    rate = configuration.writer.rate_hz
+    low, high = _CONFIGURATION_HZ
+    if rate is None:
+        message = f"its configuration was heard {configuration.writer.messages} times: too few to tell the rate"
+        yield BearerFinding(Verdict.INCONCLUSIVE, "configuration-rate-unknown", message, "listen longer: `for=60s`")
+    elif not low <= rate <= high:
+        message = f"its configuration comes at {rate:.2g} Hz, where the report has 1 Hz"
+        yield BearerFinding(Verdict.FAIL, "configuration-rate", message, "look at the program that publishes it")
+
+
+def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerFinding]:
+    """Whether it publishes what its file says, the token included where that was opened."""
+    file = source.robot
+    if file is None:
+        return
+    if not source.token_is_sealed and robot.token != file.token:
+        message = "its token is not the one of its file"
+        yield BearerFinding(Verdict.FAIL, "token", message, "ask its partner: another robot may use its name")
+    hidden = {"token": file.token}
+    if robot.model_copy(update=hidden) != file:
+        message = "its configuration is not the one of its file"
+        yield BearerFinding(Verdict.WARN, "configuration-differs", message, _CHECK_ITS_FILE)
+
+
+def _topics(robot: RobotFile, writers: Sequence[HeardWriter], observation: Observation) -> Iterator[BearerFinding]:
+    for topic in robot.topics():
+        rows = [writer for writer in writers if writer.topic == topic.name]
+        if not rows:
+            message = f"it does not publish {topic.name}, which its configuration names"
+            yield BearerFinding(Verdict.FAIL, "topic-missing", message, "look at the program that publishes it")
+        elif topic.name in observation.unread:
+            message = f"the type of {topic.name} is not known here, so that nothing of it was counted"
+            hint = f"put {observation.unread[topic.name]} into robots/interfaces of the inventory"
+            yield BearerFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
+        else:
+            for writer in rows:
+                yield from _topic(topic, writer, observation.seconds)
+
+
+def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[BearerFinding]:
+    if writer.type != topic.message_type:
+        message = f"{topic.name} has the type {writer.type}, where its configuration means {topic.message_type}"
+        yield BearerFinding(Verdict.FAIL, "topic-type", message, "write `type:` at the topic, or correct the program")
+        return
+    rate = writer.rate_hz
+    if not writer.messages:
+        message = f"nothing was heard on {topic.name} in {seconds:.0f} s, though it is published"
+        yield BearerFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
+        return
+    if rate is not None:
+        way, guideline = beside_guideline(topic.kind.data, rate) or ("", "")
+        is_near = beside_guideline(topic.kind.data, rate / _TOLERANCE if way == "above" else rate * _TOLERANCE) is None
+        if way and not is_near:
+            message = f"{topic.name} comes at {rate:.2g} Hz, below the report's guideline"
+            if way == "above":
+                message = f"{topic.name} comes at {rate:.2g} Hz, above the report's guideline"
+            yield BearerFinding(Verdict.WARN, f"topic-rate-{way}", message, f"{guideline} (report, 3.3.3)")
+    if topic.kind.moves and writer.messages >= _FEWEST and len(writer.contents) == 1:
+        message = f"{topic.name} says the same in all of {writer.messages} messages"
+        hint = "a robot on the water never keeps quite still: is its navigation running?"
+        yield BearerFinding(Verdict.WARN, "topic-frozen", message, hint)
+    if writer.stamp_age_s is not None and abs(writer.stamp_age_s) > _STALE_S:
+        message = f"the stamps of {topic.name} are {abs(writer.stamp_age_s):.0f} s away from this computer's clock"
+        yield BearerFinding(
+            Verdict.FAIL, "topic-stale", message, "compare the clocks of the robot and of this computer"
+        )
+
+
+def content_hash(data: bytes) -> bytes:
+    """Enough of a message to tell it from another."""
+    return hashlib.blake2b(data, digest_size=8).digest()

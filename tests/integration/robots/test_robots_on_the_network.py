@@ -1,0 +1,100 @@
+"""Mock robots and a listener, as processes in a network namespace: all are heard, and every lie has its finding."""
+
+import json
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+if find_spec("cyclonedds") is None:
+    pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
+pytestmark = [
+    pytest.mark.namespace,
+    pytest.mark.skipif(os.geteuid() != 0, reason="making a network namespace needs root"),
+]
+HERE = Path(__file__).parent
+PROVISION = Path(sys.executable).parent / "provision"
+ALONE = ("unshare", "--net", "sh", "-c")
+
+
+def alone(script: str, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run a script where there is a loopback and nothing else."""
+    return subprocess.run(
+        [*ALONE, f"ip link set lo up && {script}", "sh", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+def test_six_mock_robots_are_heard_as_their_files_say() -> None:
+    script = '"$1" robot mock for=25s >"$2" 2>&1 & "$1" robot discover site=coastal for=12s address=127.0.0.1 --json'
+    done = alone(script, str(PROVISION), "/dev/null")
+    assert done.returncode == 0, done.stderr + done.stdout
+    document = json.loads(done.stdout)
+    assert len(document["participants"]) == 6
+    assert {robot["vehicle"]: (robot["state"], robot["findings"]) for robot in document["robots"]} == dict.fromkeys(
+        ("eca-rov", "girona500", "mares", "sparus", "stork", "zarco"), ("declared", [])
+    )
+    (sparus,) = (robot for robot in document["robots"] if robot["vehicle"] == "sparus")
+    pose, fix = sparus["topics"]["/sparus/pose"], sparus["topics"]["/sparus/fix"]
+    assert (pose["type"], pose["bytes"]) == ("geometry_msgs/msg/Pose", 60)
+    assert 1.8 <= pose["rate_hz"] <= 2.2
+    assert fix["type"] == "sensor_msgs/msg/NavSatFix"
+    assert "EXAMPLE-sparus-token" not in done.stdout
+
+
+def test_where_nobody_is_nothing_is_green() -> None:
+    done = alone('"$1" robot discover site=coastal for=5s address=127.0.0.1', str(PROVISION))
+    assert done.returncode == 6, done.stderr
+    assert "participants of domain 0 that were heard in 5 s: 0" in done.stdout
+    assert "silence proves nothing" in done.stdout
+    assert done.stdout.count("INCONCLUSIVE") == 12, "six robots, and what is said of each"
+
+
+def test_an_address_that_is_not_here_is_refused() -> None:
+    done = alone('"$1" robot mock for=5s address=10.64.1.99', str(PROVISION))
+    assert done.returncode == 3
+    assert "no participant of DDS can be made here" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("mock", "site=coastal"), "the inventory still holds example values"),
+        (("discover", "site=coastal"), "the inventory still holds example values"),
+        (("discover", "site=coastal", "address=10.64.1"), "`address=10.64.1` is no IPv4 address"),
+    ],
+)
+def test_no_packet_goes_to_the_addresses_of_examples(words: tuple[str, ...], message: str) -> None:
+    done = alone('"$@"', str(PROVISION), "robot", *words, "for=5s")
+    assert done.returncode == 3
+    assert message in done.stderr
+
+
+def test_every_lie_has_exactly_its_finding() -> None:
+    done = alone('"$1" -P "$2" 16', sys.executable, str(HERE / "liars.py"))
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    robots = document["robots"]
+    unreadable = [name for name, (state, *codes) in robots.items() if codes == ["configuration-unreadable"]]
+    assert len(unreadable) == 1
+    del robots[unreadable[0]]
+    assert robots == {
+        "honest": ["declared"],
+        "seldom": ["declared", "configuration-rate"],
+        "often": ["declared", "topic-rate-above"],
+        "missing_topic": ["declared", "topic-missing"],
+        "wrong_type": ["declared", "topic-type"],
+        "frozen": ["declared", "topic-frozen"],
+        "stale": ["declared", "topic-stale"],
+        "wrong_token": ["declared", "token"],
+        "other_file": ["declared", "configuration-differs"],
+        "stranger": ["unknown", "robot-unknown"],
+        "twice": ["declared", "namespace-twice"],
+        "away": ["missing", "robot-missing"],
+    }

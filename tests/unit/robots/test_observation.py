@@ -1,0 +1,161 @@
+"""What was heard, beside the robots' files: each difference has its own finding."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+import robot_cases
+from hints_said import advised, said
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.declaration._yaml import SealedSecret
+from atlantis_netcfg.declaration.robots import reading
+from atlantis_netcfg.declaration.robots.key_names import KeyNames
+from atlantis_netcfg.operations.robots import ending, seconds_of
+from atlantis_netcfg.robots.mock import RATES_HZ
+from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, RobotState, judge
+
+SECONDS = 30.0
+Change = Callable[[Observation], None]
+
+
+def source() -> reading.RobotSource:
+    return next(each for each in reading.read_declared(robot_cases.shipped(), KeyNames()) if each.vehicle == "sparus")
+
+
+def writer(topic: str, kind: str, rate_hz: float) -> HeardWriter:
+    count = int(SECONDS * rate_hz)
+    row = HeardWriter("key", topic, kind, messages=count, octets=60 * count, first_s=0.0, last_s=(count - 1) / rate_hz)
+    row.contents.update((b"1", b"2"))
+    return row
+
+
+def heard() -> Observation:
+    """Of a robot that does what its file says."""
+    sparus = source()
+    assert sparus.robot is not None
+    observation = Observation(SECONDS, {"key": "10.64.1.22"})
+    observation.writers = [writer(each.name, each.message_type, RATES_HZ[each.kind]) for each in sparus.robot.topics()]
+    configuration = writer("/atlantis/configuration", "std_msgs/msg/String", 1.0)
+    observation.configurations = [HeardConfiguration(configuration, sparus.text().encode())]
+    return observation
+
+
+def of(observation: Observation, short: str) -> HeardWriter:
+    return next(each for each in observation.writers if each.topic.endswith(short))
+
+
+def codes(observation: Observation) -> list[str]:
+    (report,) = judge(observation, [source()], ["sparus"], KeyNames())
+    return [finding.code for finding in report.findings]
+
+
+def test_a_robot_as_its_file_says_has_no_finding() -> None:
+    observation = heard()
+    reports = judge(observation, [source()], ["sparus"], KeyNames())
+    assert [(each.namespace, each.state, each.findings) for each in reports] == [("sparus", RobotState.DECLARED, ())]
+    assert ending(reports, observation) == 0
+
+
+CHANGES: dict[str, Change] = {
+    "topic-missing": lambda seen: seen.writers.remove(of(seen, "leak")),
+    "topic-silent": lambda seen: setattr(of(seen, "leak"), "messages", 0),
+    "topic-type": lambda seen: setattr(of(seen, "depth"), "type", "std_msgs/msg/Float64"),
+    "topic-unread": lambda seen: seen.unread.update({"/sparus/depth": "c4i_asset_msgs/msg/FloatTimestamped"}),
+    "topic-frozen": lambda seen: of(seen, "pose").contents.discard(b"2"),
+    "topic-stale": lambda seen: setattr(of(seen, "fix"), "stamp_age_s", -61.0),
+    "topic-rate-above": lambda seen: setattr(of(seen, "depth"), "last_s", 3.0),
+    "topic-rate-below": lambda seen: setattr(of(seen, "depth"), "last_s", 300.0),
+    "configuration-rate": lambda seen: setattr(seen.configurations[0].writer, "last_s", 6.0),
+    "configuration-rate-unknown": lambda seen: setattr(seen.configurations[0].writer, "messages", 2),
+    "token": lambda seen: replace_text(seen, "EXAMPLE-sparus-token", "another"),
+    "configuration-differs": lambda seen: replace_text(seen, "label: Leak", "label: Water"),
+}
+
+
+def replace_text(seen: Observation, old: str, new: str) -> None:
+    seen.configurations[0].text = seen.configurations[0].text.replace(old.encode(), new.encode())
+
+
+@pytest.mark.parametrize("code", CHANGES)
+def test_a_difference_has_its_finding(code: str) -> None:
+    observation = heard()
+    CHANGES[code](observation)
+    assert codes(observation) == [code]
+
+
+@pytest.mark.parametrize(("factor", "found"), [(1.05, []), (1.2, ["topic-rate-above"])])
+def test_a_measured_rate_may_be_a_little_above_the_guideline(factor: float, found: list[str]) -> None:
+    observation = heard()
+    depth = of(observation, "depth")
+    depth.last_s = (depth.messages - 1) / (4.0 * factor)
+    assert codes(observation) == found
+
+
+def test_two_participants_of_one_namespace_are_told_with_their_addresses() -> None:
+    observation = heard()
+    observation.participants["other"] = "10.64.1.99"
+    first = observation.configurations[0]
+    observation.configurations.append(HeardConfiguration(replace(first.writer, participant="other"), first.text))
+    (report,) = judge(observation, [source()], ["sparus"], KeyNames())
+    assert [(each.code, each.message) for each in report.findings] == [
+        ("namespace-twice", "2 participants introduce themselves as `sparus`: 10.64.1.22 and 10.64.1.99")
+    ]
+
+
+def test_a_token_that_is_sealed_is_not_compared() -> None:
+    observation = heard()
+    replace_text(observation, "EXAMPLE-sparus-token", "another")
+    sealed = source()
+    assert sealed.robot is not None
+    token = SealedSecret("$ANSIBLE_VAULT;1.1;AES256\n30")
+    sealed = replace(sealed, robot=sealed.robot.model_copy(update={"token": token}))
+    (report,) = judge(observation, [sealed], ["sparus"], KeyNames())
+    assert report.findings == ()
+
+
+def test_a_stranger_and_a_robot_that_is_away_are_not_green() -> None:
+    observation = heard()
+    replace_text(observation, "namespace: sparus", "namespace: sparuss")
+    reports = judge(observation, [source()], ["sparus"], KeyNames())
+    assert [(each.namespace, each.state) for each in reports] == [
+        ("sparus", RobotState.MISSING),
+        ("sparuss", RobotState.UNKNOWN),
+    ]
+    assert "did it mean `sparus`?" in reports[1].findings[0].message
+    assert ending(reports, observation) == 6
+
+
+def test_silence_is_never_green() -> None:
+    silence = Observation(SECONDS)
+    assert ending(judge(silence, [source()], [], KeyNames()), silence) == 6
+
+
+@pytest.mark.parametrize("text", [b"", b"\xff\xfe", b"a: [", b"namespace: x\n", b"- 1\n", b"x" * 1_000_001])
+def test_a_configuration_that_cannot_be_read_is_told(text: bytes) -> None:
+    observation = heard()
+    observation.configurations[0].text = text
+    reports = judge(observation, [source()], [], KeyNames())
+    assert [finding.code for each in reports for finding in each.findings] == ["configuration-unreadable"]
+    assert reports[0].namespace == "10.64.1.22"
+
+
+def test_what_is_advised_checks_the_robots_files(capsys: pytest.CaptureFixture[str]) -> None:
+    observation = heard()
+    replace_text(observation, "label: Leak", "label: Water")
+    (report,) = judge(observation, [source()], ["sparus"], KeyNames())
+    (line,) = advised(said(report.findings[0].hint or "", str(report.findings[0].hint)))
+    assert main(line) == ExitCode.DONE
+    assert "6 robots' files: no errors" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("text", "seconds"), [("30s", 30), ("30", 30), ("5m", 300)])
+def test_a_time_to_listen(text: str, seconds: int) -> None:
+    assert seconds_of(text) == seconds
+
+
+@pytest.mark.parametrize("text", ["", "4s", "61m", "1h", "-5", "30 s"])
+def test_what_is_no_time_to_listen(text: str) -> None:
+    with pytest.raises(UsageError, match="is no such time"):
+        seconds_of(text)
