@@ -55,6 +55,7 @@ from atlantis_netcfg.routeros.apply._writer import ActionRefused, Writer
 from atlantis_netcfg.routeros.link_use import ROUTES
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import (
+    CERTIFICATES,
     HISTORY,
     LEAVES,
     closing,
@@ -485,7 +486,12 @@ def _witness(work: RunContext) -> list[_Witness]:
     grown: Counter[str] = Counter()
     for action in last:
         grown[action.menu] += {Verb.ADD: 1, Verb.REMOVE: -len(action.ids)}.get(action.verb, 0)
-    counted = {menu for menu, rows in grown.items() if rows and all(map(MENUS[menu].is_touchable, after.rows[menu]))}
+    # Whether a device counts by a query is not known; reading back gets on without that.
+    counted = {
+        menu
+        for menu, rows in grown.items()
+        if rows and not counting_rows(menu).queries and all(map(MENUS[menu].is_touchable, after.rows[menu]))
+    }
     menu = min(grown, key=lambda menu: (menu not in counted, len(after.rows[menu]), menu))
     return [_Witness(menu, after, menu in counted)]
 
@@ -520,7 +526,6 @@ async def _finish(work: RunContext, writer: Writer) -> None:
 POLICIES = ("read", "write", "policy", "test", "sensitive", "api")
 """What our user's group must be allowed: without `sensitive` a secret reads as empty, and would be written again."""
 
-_CERTIFICATES = "/certificate"
 _TUNNEL = "/interface/ovpn-client"
 _INSTALL = "type `provision vpn install host={}` first"
 _NO_CERTIFICATE = ("", "none", "auto")
@@ -548,9 +553,9 @@ def _policies(facts: Facts, needed: Sequence[str]) -> Iterator[str]:
 
 
 def _certificates(plan: Plan, observed: Observed) -> Iterator[str]:
-    if _CERTIFICATES not in observed.rows:
+    if CERTIFICATES not in observed.rows:
         return
-    there = {row.get("name") for row in observed.rows[_CERTIFICATES]}
+    there = {row.get("name") for row in observed.rows[CERTIFICATES]}
     for action in plan.actions:
         name = dict(action.values).get("certificate", "")
         if name not in _NO_CERTIFICATE and name not in there:

@@ -28,15 +28,16 @@ from atlantis_netcfg.routeros.apply._protection import (
     safe_mode_of,
 )
 from atlantis_netcfg.routeros.apply._settle import let_go, settle
-from atlantis_netcfg.routeros.apply._state import SAVING, claimed_by, digest, fetch, invalid, plan_hash, saved
+from atlantis_netcfg.routeros.apply._state import SAVING, SIGNS, claimed_by, digest, fetch, invalid, plan_hash, saved
 from atlantis_netcfg.routeros.apply._work import AGREE_APART, RunContext, cut, look, number_of, planned, unagreed
 from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftHistory, DriftKind, Past, compare
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
-from atlantis_netcfg.routeros.guard import ManagementPath, objections, touches
-from atlantis_netcfg.routeros.link_use import in_use, tolerated
+from atlantis_netcfg.routeros.guard import WAY_BACK, ManagementPath, moves_answers, objections, touches
+from atlantis_netcfg.routeros.link_use import in_use, is_order, tolerated
 from atlantis_netcfg.routeros.observe import (
     BRIEF,
+    CERTIFICATES,
     LATER,
     MenuMissing,
     completed,
@@ -50,6 +51,8 @@ from atlantis_netcfg.routeros.safe_mode import READ, ApiSafeMode, SafeModeUnavai
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from atlantis_netcfg.routeros.api import Command
 
 
@@ -287,7 +290,7 @@ def _may_be_brief(job: DeviceJob, mode: JobMode) -> bool:
 async def _read(work: RunContext) -> None:
     """Read everything that a plan needs, and what is armed or open."""
     job = work.job
-    watched = [path for path in GUARDED if path not in LATER]
+    watched = [*WAY_BACK, SIGNS] if is_order(job.desired) else [path for path in GUARDED if path not in LATER]
     brief = [path for path in BRIEF if work.brief and path in job.desired.entire]
     work.before = await observe(work.channel, job.endpoint, job.desired.menus, watched, job.counted, brief=brief)
     work.left = look(work.before)
@@ -346,7 +349,7 @@ async def _complete(work: RunContext, mode: JobMode) -> None:
     beside = work.safe_mode.taking if takes else ()
     requested, sampled = _questions(work, mode), samples(work.seen)
     beside = (*beside, *requested, *sampled.values())
-    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside)
+    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside, _later(work))
     answers, sampling = answers[: len(answers) - len(sampled)], answers[len(answers) - len(sampled) :]
     work.before = with_rows(work.before, sampled, sampling)
     work.examination.answered(answers[len(answers) - len(requested) :])
@@ -355,6 +358,14 @@ async def _complete(work: RunContext, mode: JobMode) -> None:
             work.owner = (await work.safe_mode.taken(work.channel, answers[: len(answers) - len(requested)])).who
         except SafeModeUnavailable:
             work.holding = False
+
+
+def _later(work: RunContext) -> Sequence[str]:
+    """Menus of which it is known by now that the plan has to be judged by them."""
+    if is_order(work.job.desired) and moves_answers(work.aim, work.seen, _path(work)):
+        return GUARDED
+    named = {name for action in work.aim.actions for name, _ in action.values}
+    return [path for path in LATER if path != CERTIFICATES or "certificate" in named]
 
 
 def _questions(work: RunContext, mode: JobMode) -> tuple[Command, ...]:
