@@ -247,10 +247,13 @@ def _change(tally: _CostTally, plan: Plan, observed: Observed | None, menus: tup
     """Have it parsed, save, take safe mode, write, read anew, release."""
     tally.spend(up=LATER_UP, down=LATER_DOWN)
     _parse(tally, plan, observed)
-    tally.spend(up=200, down=_export(observed) + 4 * TAG_BYTES)
+    stages = _stages(plan)
+    # With safe mode from the first change to the last, the state is saved in the round trip that takes it.
+    alone = len(stages.pieces) == 1 and not stages.before and not stages.behind
+    beside = alone and (observed is None or observed.facts.has_safe_mode)
+    tally.spend(trips=not beside, up=200, down=_export(observed) + 4 * TAG_BYTES)
     if observed is not None and observed.facts.history >= HISTORY - 1:
         _look_again(tally, observed.rows)
-    stages = _stages(plan)
     if stages.before:
         _script(tally, stages.before)
         tally.spend(up=60, down=60)  # safe mode is taken, which else goes beside what is read later

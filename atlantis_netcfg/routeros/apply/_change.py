@@ -92,16 +92,17 @@ async def begin(work: RunContext) -> Writer:
     """Do all that comes before the first change. Raises DeviceFailed if somebody else was faster."""
     stages, protection = work.stages, work.protection
     alone = safe_mode_first(work)
+    early = work.early if work.holding and not needs_sign(work) else ()
     if alone and work.holding:
         _taken(work)
     elif alone:
         await take(work)
-    signed = not work.restores and not (alone and len(stages.protected) == 1 and not stages.finish)
-    sign = [claim(work.signer.text, _sign_s(work))] if signed else []
+    sign = [claim(work.signer.text, _sign_s(work))] if needs_sign(work) else []
     if sign:
         work.record(Signed(device=work.job.name, sign=work.signer.text))
-    look = () if alone else work.safe_mode.beside
-    answers = await work.channel.flight([*sign, *SAVING, _ACTIONS if signed else _COUNT, CLAIMS, *look])
+    asked = [*sign, *SAVING, _ACTIONS, CLAIMS] if sign else BEFORE
+    answers = early or await work.channel.flight([*asked, *(() if alone else work.safe_mode.beside)])
+    await asyncio.sleep(0)  # whoever has stopped the run meanwhile is heard before anything is written
     export, probe, history, claims, *seen = answers[len(sign) :]
     if sign:
         work.sign = await claimed(work.channel, sign[0], answers[0], claims.rows, work.signer)
@@ -117,6 +118,16 @@ async def begin(work: RunContext) -> Writer:
         if protection is Protection.CONSOLE and not stages.prepare:
             await take(work)
     return found.writer
+
+
+BEFORE = (*SAVING, _COUNT, CLAIMS)
+"""What is asked before the first change of a run without a sign."""
+
+
+def needs_sign(work: RunContext) -> bool:
+    """Tell whether something is written while safe mode is not held."""
+    stages = work.stages
+    return not work.restores and not (safe_mode_first(work) and len(stages.protected) == 1 and not stages.finish)
 
 
 def _as_read(work: RunContext) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
@@ -15,7 +16,7 @@ from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import DeviceObserved, Planned
 from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.api import Unreachable
-from atlantis_netcfg.routeros.apply._change import change, missing, safe_mode_first
+from atlantis_netcfg.routeros.apply._change import BEFORE, change, missing, needs_sign, safe_mode_first
 from atlantis_netcfg.routeros.apply._contact import Contact, completed_despite_stop, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, JobMode, Status, Unfit
@@ -313,6 +314,7 @@ async def _plan(work: RunContext, mode: JobMode) -> None:
         await _complete(work, mode)
         work.plan = plan(job.name, job.desired, work.seen)
         if not _is_read_enough(work):
+            work.early = ()
             work.before = await read_bare(work.channel, work.seen)
             work.plan = plan(job.name, job.desired, work.seen)
         await _examine(work, mode)
@@ -341,21 +343,27 @@ async def _complete(work: RunContext, mode: JobMode) -> None:
 
     Should the change then be refused, nothing was written under it, and it is released. Whether somebody else holds it
     is said where it is needed. What an earlier run has left goes before: outside safe mode, which would bring it back.
+    Where nothing speaks against the plan yet, the state to be saved and the traces of others are read with it.
     """
     _protect(work)
     takes = mode not in _READING and not work.left and not work.holding and safe_mode_first(work)
     takes = takes and not unagreed(work.job, work.aim)
     work.holding = work.holding or takes
-    beside = work.safe_mode.taking if takes else ()
     requested, sampled = _questions(work, mode), samples(work.seen)
-    beside = (*beside, *requested, *sampled.values())
-    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside, _later(work))
-    answers, sampling = answers[: len(answers) - len(sampled)], answers[len(answers) - len(sampled) :]
+    first = BEFORE if takes and not needs_sign(work) and _may_go_on(work, mode) else ()
+    parts = (work.safe_mode.taking if takes else (), requested, tuple(sampled.values()), first)
+    work.before, answers = await completed(
+        work.channel, work.job.endpoint, work.seen, [each for part in parts for each in part], _later(work)
+    )
+    remaining = iter(answers)
+    taking, examined, sampling, work.early = (tuple(islice(remaining, len(part))) for part in parts)
     work.before = with_rows(work.before, sampled, sampling)
-    work.examination.answered(answers[len(answers) - len(requested) :])
+    work.examination.answered(examined)
     if takes:
         try:
-            work.owner = (await work.safe_mode.taken(work.channel, answers[: len(answers) - len(requested)])).who
+            round_trips = work.channel.traffic.round_trips
+            work.owner = (await work.safe_mode.taken(work.channel, taking)).who
+            work.early = work.early if work.channel.traffic.round_trips == round_trips else ()
         except SafeModeUnavailable:
             work.holding = False
 
@@ -370,19 +378,29 @@ def _later(work: RunContext) -> Sequence[str]:
 
 def _questions(work: RunContext, mode: JobMode) -> tuple[Command, ...]:
     """What the device's parser is asked of the plan; nothing where no plan is sent, or where its cost is refused."""
-    if mode is JobMode.DRIFT:
+    if mode is JobMode.DRIFT or _is_too_dear(work, mode):
         return ()
-    if work.job.cost_policy is not None and work.job.bearer is not None:
-        expected = estimate(work.aim, work.job.bearer, work.seen)
-        planned = mode is JobMode.PLAN
-        if work.job.cost_policy.judge(work.seen, expected, spends=True, planned=planned).refusal is not None:
-            return ()
     return work.examination.questions(work.aim.actions, work.seen.rows)
+
+
+def _is_too_dear(work: RunContext, mode: JobMode) -> bool:
+    if work.job.cost_policy is None or work.job.bearer is None:
+        return False
+    expected = estimate(work.aim, work.job.bearer, work.seen)
+    planned = mode is JobMode.PLAN
+    return work.job.cost_policy.judge(work.seen, expected, spends=True, planned=planned).refusal is not None
+
+
+def _may_go_on(work: RunContext, mode: JobMode) -> bool:
+    """Tell whether nothing that was read so far speaks against the plan."""
+    agreed = work.job.agreed in (None, plan_hash(work.aim))
+    return agreed and not _is_too_dear(work, mode) and not objections(work.aim, work.seen, _path(work))
 
 
 async def _examine(work: RunContext, mode: JobMode) -> None:
     """Ask what has not been asked: of actions that came to be planned meanwhile, and whole lists of values."""
     while requested := _questions(work, mode):
+        work.early = ()
         work.examination.answered(await work.channel.flight(requested))
     doubt = work.examination.doubt(work.aim.actions)
     if doubt and doubt not in work.notes and mode is not JobMode.DRIFT:
