@@ -16,7 +16,7 @@ from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
 from atlantis_netcfg.routeros.commands import Examination, console
 from atlantis_netcfg.routeros.diff import existing_row
 from atlantis_netcfg.routeros.menus import MARK, MENUS
-from atlantis_netcfg.routeros.observe import HISTORY, LEAVES, printing
+from atlantis_netcfg.routeros.observe import HISTORY, LATER, LEAVES, printing
 from atlantis_netcfg.routeros.pin import LTE
 from atlantis_netcfg.routeros.planner import simulate
 from atlantis_netcfg.routeros.safe_mode import BUDGET
@@ -168,7 +168,8 @@ def _read_back(
 ) -> None:
     """Read everything again, or what was touched and the counts of the rest."""
     if rows is None or not LEAVES.issuperset(touched):
-        _read(tally, menus, rows, AGAIN)
+        again = [path for path in menus if path in touched or path not in LATER]
+        _read(tally, again, rows and {path: rows[path] for path in again}, AGAIN)
         return
     answered = sum(_answer(row) for path in touched for row in rows.get(path, ()))
     counted = len(menus) - len(touched)

@@ -90,7 +90,7 @@ _HISTORY = Command("/system/history/print", (("count-only", ""),))
 _IDENTITY, _USER, _GROUP = "/system/identity", "/user", "/user/group"
 CERTIFICATES: Final = "/certificate"
 LATER = (CERTIFICATES, _USER, _GROUP)
-"""Menus that matter once something is to change: whether it may be changed, and by us."""
+"""Menus that matter once something is to change: whether it may be changed, and by us. No other menu changes them."""
 LEAVES: Final = frozenset(
     {
         "/ip/dhcp-server/lease",
@@ -201,7 +201,11 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     facts = _facts(seen, endpoint, version, found, is_requested=is_requested)
     if known is not None:
         facts = replace(
-            facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
+            facts,
+            device_mode=known.device_mode,
+            session_address=known.session_address,
+            history=known.history,
+            policies=facts.policies if is_requested else known.policies,
         )
     found_counts = tuple(each for each in counts if each is not None)
     named = monitor_of(found.get(LTE, ()))

@@ -57,6 +57,7 @@ from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import (
     CERTIFICATES,
     HISTORY,
+    LATER,
     LEAVES,
     closing,
     counting_rows,
@@ -100,8 +101,8 @@ async def begin(work: RunContext) -> Writer:
     sign = [claim(work.signer.text, _sign_s(work))] if needs_sign(work) else []
     if sign:
         work.record(Signed(device=work.job.name, sign=work.signer.text))
-    asked = [*sign, *SAVING, _ACTIONS, CLAIMS] if sign else BEFORE
-    answers = early or await work.channel.flight([*asked, *(() if alone else work.safe_mode.beside)])
+    questions = [*sign, *SAVING, _ACTIONS, CLAIMS] if sign else BEFORE
+    answers = early or await work.channel.flight([*questions, *(() if alone else work.safe_mode.beside)])
     await asyncio.sleep(0)  # whoever has stopped the run meanwhile is heard before anything is written
     export, probe, history, claims, *seen = answers[len(sign) :]
     if sign:
@@ -367,12 +368,15 @@ async def _read_anew(work: RunContext) -> Observed:
 
 
 async def _read(work: RunContext, session: Channel) -> Observed:
-    """Read what was touched, and all of it where other menus may have followed or the state before is put back."""
+    """Read what was touched, and all that may follow it where other menus may, or the state before is put back."""
     job, seen = work.job, work.seen
     touched = tuple(dict.fromkeys(action.menu for action in work.aim.actions))
     if not work.restores and LEAVES.issuperset(touched):
         return await read_back(session, job.endpoint, seen, touched, job.counted)
-    return await observe(session, job.endpoint, job.desired.menus, tuple(seen.rows), job.counted, seen.facts)
+    kept = {path: rows for path, rows in seen.rows.items() if path in LATER and path not in touched}
+    following = [path for path in seen.rows if path not in kept]
+    now = await observe(session, job.endpoint, job.desired.menus, following, job.counted, seen.facts)
+    return replace(now, rows={**kept, **now.rows})
 
 
 async def _until_told(work: RunContext, now: Observed) -> Observed:

@@ -56,6 +56,32 @@ def test_a_row_that_somebody_has_removed_meanwhile_is_missed(tmp_path: Path) -> 
     assert "one more" not in export
 
 
+@pytest.mark.parametrize(
+    ("more", "kept"),
+    [
+        ("", {"/user/print", "/user/group/print"}),
+        ("/user group\nadd comment=atlantis name=readers policy=read,api\n", {"/user/print"}),
+    ],
+    ids=["other menus", "a group"],
+)
+def test_users_are_read_back_where_the_text_has_them(tmp_path: Path, more: str, kept: set[str]) -> None:
+    """No other menu changes them; everything else may have followed a change of bridges and addresses."""
+
+    async def act(bench: Bench) -> tuple[DeviceResult, set[str], set[str]]:
+        result = await bench.converge(desired=desired.read(TEXT + more))
+        first, last = ({each[0] for each in side.sentences} for side in bench.router.connections())
+        return result, first, last
+
+    result, first, last = on(Bench(tmp_path), act)
+    assert result.status is Status.CHANGED, result.message
+    read = {path for path in first - last if path.endswith("/print")}
+    # Of the run itself, and of the router, which are known by then.
+    assert read - kept == {
+        *("/user/active/print", "/system/history/print", "/system/scheduler/print", "/system/device-mode/print"),
+    }
+    assert kept <= read
+
+
 class Dear:
     """Refuses whatever would be sent."""
 

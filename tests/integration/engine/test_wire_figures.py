@@ -37,7 +37,7 @@ GOALS = {
 }
 """Round trips and bytes of the engine at most; 1.3 times the scripts are for the device's parser."""
 TYPED = {
-    Scenario.FIRST: (22, 163_000),
+    Scenario.FIRST: (22, 161_500),
     Scenario.NOTHING: (5, 65_000),
     Scenario.FIREWALL: (13, 115_000),
     Scenario.USE: (18, 79_000),
