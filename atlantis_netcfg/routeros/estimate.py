@@ -78,8 +78,6 @@ TYPICAL_MENUS: Final = tuple(
 TYPICAL_ROWS: Final = 55_000
 """Bytes of all rows of a configured router, where nothing was observed."""
 TYPICAL_EXPORT: Final = 32_000
-_FILTER: Final = "/ip/firewall/filter"
-"""Read of every router but for an order of its links, for which little is read of what the export holds."""
 TYPICAL_LINE: Final = 80
 """Bytes of a line of a desired text."""
 TYPICAL_FOREIGN: Final = {"list": "blocklist", "address": "198.51.100.100", "comment": "blocked", "disabled": "false"}
@@ -342,7 +340,8 @@ def _parse(tally: _CostTally, plan: Plan, observed: Observed | None) -> None:
 
 
 def _export(observed: Observed | None) -> int:
-    if observed is None or _FILTER not in observed.rows:
+    # The firewall is read of every router, but not for an order of its links: the export holds more than that.
+    if observed is None or "/ip/firewall/filter" not in observed.rows:
         return TYPICAL_EXPORT
     known = ((MENUS[path], rows) for path, rows in observed.rows.items() if path in MENUS and MENUS[path].exported)
     return EXPORT_HEAD + sum(len(existing_row(menu, row)) + 2 for menu, rows in known for row in rows)

@@ -119,10 +119,7 @@ _FORBIDDEN = "not enough permissions"
 _OURS = (f"?<comment={MARK}", "?#!", f"?<comment={MARK[:-1]}{chr(ord(MARK[-1]) + 1)}", "?#&", "?dynamic=true", "?#|")
 """Rows whose comment begins with our mark, and rows that the device has made. Assumption: api-query-order."""
 _FOLLOWING: Final = {"/ip/route": ("?connect=true", "?#!")}
-"""Rows that are not asked for: the route to a network of the router's own follows from its address, which is read.
-
-A device that does not know the word sends them all the same, which is as good.
-"""
+"""Rows that follow from an address, which is read, are not asked for; that a device sends them is as good."""
 _SAMPLES: Final = 3
 
 
@@ -201,12 +198,9 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     facts = _facts(seen, endpoint, version, found, is_requested=is_requested)
     if known is not None:
         facts = replace(
-            facts,
-            device_mode=known.device_mode,
-            session_address=known.session_address,
-            history=known.history,
-            policies=facts.policies if is_requested else known.policies,
+            facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
         )
+        facts = facts if is_requested else replace(facts, policies=known.policies)
     found_counts = tuple(each for each in counts if each is not None)
     named = monitor_of(found.get(LTE, ()))
     modem_now = modem_row(result[0] if named == MONITOR else await session.command(named)) if result else None
@@ -337,8 +331,8 @@ def printing(path: str) -> Command:
     menu = MENUS[path]
     whole = menu.shape is Shape.SINGLETON or path in WHOLE
     named = () if whole else ((".proplist", ",".join((".id", *_properties(menu)))),)
-    configured = (("config", ""),) if menu.configured else ()
-    return Command(f"{path}/print", (*named, *configured), _FOLLOWING.get(path, ()))
+    named = (*named, ("config", "")) if menu.configured else named
+    return Command(f"{path}/print", named, _FOLLOWING.get(path, ()))
 
 
 def _properties(menu: Menu) -> tuple[str, ...]:

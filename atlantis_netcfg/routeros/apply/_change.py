@@ -502,11 +502,8 @@ def _witness(work: RunContext) -> list[_Witness]:
     for action in last:
         grown[action.menu] += {Verb.ADD: 1, Verb.REMOVE: -len(action.ids)}.get(action.verb, 0)
     # Whether a device counts by a query is not known; reading back gets on without that.
-    counted = {
-        menu
-        for menu, rows in grown.items()
-        if rows and not counting_rows(menu).queries and all(map(MENUS[menu].is_touchable, after.rows[menu]))
-    }
+    plain = {menu for menu, rows in grown.items() if rows and not counting_rows(menu).queries}
+    counted = {menu for menu in plain if all(map(MENUS[menu].is_touchable, after.rows[menu]))}
     menu = min(grown, key=lambda menu: (menu not in counted, len(after.rows[menu]), menu))
     return [_Witness(menu, after, menu in counted)]
 

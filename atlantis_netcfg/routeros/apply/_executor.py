@@ -352,9 +352,8 @@ async def _complete(work: RunContext, mode: JobMode) -> None:
     requested, sampled = _questions(work, mode), samples(work.seen)
     first = BEFORE if takes and not needs_sign(work) and _may_go_on(work, mode) else ()
     parts = (work.safe_mode.taking if takes else (), requested, tuple(sampled.values()), first)
-    work.before, answers = await completed(
-        work.channel, work.job.endpoint, work.seen, [each for part in parts for each in part], _later(work)
-    )
+    beside = [each for part in parts for each in part]
+    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside, _later(work))
     remaining = iter(answers)
     taking, examined, sampling, work.early = (tuple(islice(remaining, len(part))) for part in parts)
     work.before = with_rows(work.before, sampled, sampling)

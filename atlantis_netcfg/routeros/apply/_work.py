@@ -301,8 +301,7 @@ class RunContext:
     dead_man: DeadMan | None = None
     """The job that is armed."""
     early: tuple[Reply, ...] = ()
-    """The answers to what is asked before the first change, where they came beside taking safe mode and nothing was
-    sent since."""
+    """Answers to what is asked before the first change, where they came beside safe mode; nothing was sent since."""
     sign: str | None = None
     """`.id` of the sign that a run is under way, ours or that of a dead run that we have taken over."""
     busy: str = ""

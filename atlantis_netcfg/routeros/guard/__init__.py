@@ -39,24 +39,12 @@ MENUS = (
     "/user/group",
 )
 """What must be read for the guard to see; a menu that is missing has no rows to it."""
-WAY_BACK = (
-    "/interface/bridge",
-    "/interface/bridge/port",
-    "/interface/ethernet",
-    "/interface/ovpn-client",
-    "/ip/address",
-    "/ip/route",
-    "/routing/rule",
-    "/routing/settings",
-)
+WAY_BACK = (*INTERFACES, "/interface/bridge/port", "/ip/address", "/ip/route", "/routing/rule", "/routing/settings")
 """Those of them that decide where our answers leave: enough for a plan of routes alone that does not move them."""
 
 
 def moves_answers(plan: Plan, observed: Observed, path: ManagementPath) -> bool:
-    """Tell whether a plan of routes alone leads our answers another way.
-
-    Where it does not, address, ports, firewall and service judge the same packets by the same rows as before.
-    """
+    """Tell whether a plan of routes leads our answers another way; if not, all else judges them by rows as before."""
     later = State(simulate(observed.rows, plan), path)
     return _route.decisions(State(observed.rows, path)) != _route.decisions(later)
 
