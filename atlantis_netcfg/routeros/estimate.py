@@ -16,7 +16,7 @@ from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
 from atlantis_netcfg.routeros.commands import Examination, console
 from atlantis_netcfg.routeros.diff import existing_row
 from atlantis_netcfg.routeros.menus import MARK, MENUS
-from atlantis_netcfg.routeros.observe import HISTORY, LEAVES, printing
+from atlantis_netcfg.routeros.observe import HISTORY, LATER, LEAVES, printing
 from atlantis_netcfg.routeros.pin import LTE
 from atlantis_netcfg.routeros.planner import simulate
 from atlantis_netcfg.routeros.safe_mode import BUDGET
@@ -166,7 +166,8 @@ def _read_back(
 ) -> None:
     """Read everything again, or what was touched and the counts of the rest."""
     if rows is None or not LEAVES.issuperset(touched):
-        _read(tally, menus, rows, AGAIN)
+        again = [path for path in menus if path in touched or path not in LATER]
+        _read(tally, again, rows and {path: rows[path] for path in again}, AGAIN)
         return
     answered = sum(_answer(row) for path in touched for row in rows.get(path, ()))
     counted = len(menus) - len(touched)
@@ -245,10 +246,13 @@ def _change(tally: _CostTally, plan: Plan, observed: Observed | None, menus: tup
     """Have it parsed, save, take safe mode, write, read anew, release."""
     tally.spend(up=LATER_UP, down=LATER_DOWN)
     _parse(tally, plan, observed)
-    tally.spend(up=200, down=_export(observed) + 4 * TAG_BYTES)
+    stages = _stages(plan)
+    # With safe mode from the first change to the last, the state is saved in the round trip that takes it.
+    alone = len(stages.pieces) == 1 and not stages.before and not stages.behind
+    beside = alone and (observed is None or observed.facts.has_safe_mode)
+    tally.spend(trips=not beside, up=200, down=_export(observed) + 4 * TAG_BYTES)
     if observed is not None and observed.facts.history >= HISTORY - 1:
         _look_again(tally, observed.rows)
-    stages = _stages(plan)
     if stages.before:
         _script(tally, stages.before)
         tally.spend(up=60, down=60)  # safe mode is taken, which else goes beside what is read later
@@ -336,7 +340,8 @@ def _parse(tally: _CostTally, plan: Plan, observed: Observed | None) -> None:
 
 
 def _export(observed: Observed | None) -> int:
-    if observed is None:
+    # The firewall is read of every router, but not for an order of its links: the export holds more than that.
+    if observed is None or "/ip/firewall/filter" not in observed.rows:
         return TYPICAL_EXPORT
     known = ((MENUS[path], rows) for path, rows in observed.rows.items() if path in MENUS and MENUS[path].exported)
     return EXPORT_HEAD + sum(len(existing_row(menu, row)) + 2 for menu, rows in known for row in rows)

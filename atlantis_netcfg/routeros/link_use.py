@@ -170,6 +170,11 @@ def ended(declared: Desired) -> Desired:
     )
 
 
+def is_order(desired: Desired) -> bool:
+    """Tell whether a text is about routes and jobs alone, as those of `begun` and `ended` are."""
+    return {ROUTES, SCHEDULER}.issuperset(desired.menus)
+
+
 def links_of(declared: Desired) -> tuple[str, ...]:
     """Return the links that have default routes, in their order."""
     return tuple(dict.fromkeys(map(_link, _routes(declared))))

@@ -88,8 +88,9 @@ _DEVICE_MODE = Command("/system/device-mode/print")
 _ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
 _HISTORY = Command("/system/history/print", (("count-only", ""),))
 _IDENTITY, _USER, _GROUP = "/system/identity", "/user", "/user/group"
-LATER = ("/certificate", _USER, _GROUP)
-"""Menus that matter once something is to change: whether it may be changed, and by us."""
+CERTIFICATES: Final = "/certificate"
+LATER = (CERTIFICATES, _USER, _GROUP)
+"""Menus that matter once something is to change: whether it may be changed, and by us. No other menu changes them."""
 LEAVES: Final = frozenset(
     {
         "/ip/dhcp-server/lease",
@@ -99,8 +100,10 @@ LEAVES: Final = frozenset(
         "/ip/firewall/mangle",
         "/ip/firewall/nat",
         "/ip/firewall/raw",
+        "/ip/route",
         "/routing/rule",
         "/system/logging",
+        "/system/scheduler",
         "/tool/netwatch",
     }
 )
@@ -115,6 +118,8 @@ _MISSING = ("no such command", "no such directory")
 _FORBIDDEN = "not enough permissions"
 _OURS = (f"?<comment={MARK}", "?#!", f"?<comment={MARK[:-1]}{chr(ord(MARK[-1]) + 1)}", "?#&", "?dynamic=true", "?#|")
 """Rows whose comment begins with our mark, and rows that the device has made. Assumption: api-query-order."""
+_FOLLOWING: Final = {"/ip/route": ("?connect=true", "?#!")}
+"""Rows that follow from an address, which is read, are not asked for; that a device sends them is as good."""
 _SAMPLES: Final = 3
 
 
@@ -195,6 +200,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
         facts = replace(
             facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
         )
+        facts = facts if is_requested else replace(facts, policies=known.policies)
     found_counts = tuple(each for each in counts if each is not None)
     named = monitor_of(found.get(LTE, ()))
     modem_now = modem_row(result[0] if named == MONITOR else await session.command(named)) if result else None
@@ -277,8 +283,8 @@ async def read_bare(session: Channel, observed: Observed) -> Observed:
 
 
 def counting_rows(path: str) -> Command:
-    """Return the command that counts the rows of a menu."""
-    return Command(f"{path}/print", (("count-only", ""),))
+    """Return the command that counts the rows of a menu that `printing` asks for."""
+    return Command(f"{path}/print", (("count-only", ""),), _FOLLOWING.get(path, ()))
 
 
 def number_of_rows(reply: Reply) -> int | None:
@@ -287,13 +293,17 @@ def number_of_rows(reply: Reply) -> int | None:
 
 
 async def completed(
-    session: Channel, endpoint: Endpoint, observed: Observed, beside: Sequence[Command] = ()
+    session: Channel,
+    endpoint: Endpoint,
+    observed: Observed,
+    beside: Sequence[Command] = (),
+    later: Iterable[str] = LATER,
 ) -> tuple[Observed, list[Reply]]:
-    """Return the observation with what is read LATER, and device-mode; menus that are there are not asked again.
+    """Return the observation with what is read `later`, and device-mode; menus that are there are not asked again.
 
     `beside` goes in the same round trip; its answers come second.
     """
-    menus = [path for path in LATER if path not in observed.rows]
+    menus = [path for path in dict.fromkeys(later) if path not in observed.rows]
     replies = await session.flight([*map(printing, menus), _DEVICE_MODE, *beside])
     replies, answers = replies[: len(menus) + 1], replies[len(menus) + 1 :]
     *replies, device_mode = replies
@@ -321,7 +331,8 @@ def printing(path: str) -> Command:
     menu = MENUS[path]
     whole = menu.shape is Shape.SINGLETON or path in WHOLE
     named = () if whole else ((".proplist", ",".join((".id", *_properties(menu)))),)
-    return Command(f"{path}/print", (*named, *((("config", ""),) if menu.configured else ())))
+    named = (*named, ("config", "")) if menu.configured else named
+    return Command(f"{path}/print", named, _FOLLOWING.get(path, ()))
 
 
 def _properties(menu: Menu) -> tuple[str, ...]:

@@ -55,7 +55,9 @@ from atlantis_netcfg.routeros.apply._writer import ActionRefused, Writer
 from atlantis_netcfg.routeros.link_use import ROUTES
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import (
+    CERTIFICATES,
     HISTORY,
+    LATER,
     LEAVES,
     closing,
     counting_rows,
@@ -91,16 +93,17 @@ async def begin(work: RunContext) -> Writer:
     """Do all that comes before the first change. Raises DeviceFailed if somebody else was faster."""
     stages, protection = work.stages, work.protection
     alone = safe_mode_first(work)
+    early = work.early if work.holding and not needs_sign(work) else ()
     if alone and work.holding:
         _taken(work)
     elif alone:
         await take(work)
-    signed = not work.restores and not (alone and len(stages.protected) == 1 and not stages.finish)
-    sign = [claim(work.signer.text, _sign_s(work))] if signed else []
+    sign = [claim(work.signer.text, _sign_s(work))] if needs_sign(work) else []
     if sign:
         work.record(Signed(device=work.job.name, sign=work.signer.text))
-    look = () if alone else work.safe_mode.beside
-    answers = await work.channel.flight([*sign, *SAVING, _ACTIONS if signed else _COUNT, CLAIMS, *look])
+    questions = [*sign, *SAVING, _ACTIONS, CLAIMS] if sign else BEFORE
+    answers = early or await work.channel.flight([*questions, *(() if alone else work.safe_mode.beside)])
+    await asyncio.sleep(0)  # whoever has stopped the run meanwhile is heard before anything is written
     export, probe, history, claims, *seen = answers[len(sign) :]
     if sign:
         work.sign = await claimed(work.channel, sign[0], answers[0], claims.rows, work.signer)
@@ -116,6 +119,16 @@ async def begin(work: RunContext) -> Writer:
         if protection is Protection.CONSOLE and not stages.prepare:
             await take(work)
     return found.writer
+
+
+BEFORE = (*SAVING, _COUNT, CLAIMS)
+"""What is asked before the first change of a run without a sign."""
+
+
+def needs_sign(work: RunContext) -> bool:
+    """Tell whether something is written while safe mode is not held."""
+    stages = work.stages
+    return not work.restores and not (safe_mode_first(work) and len(stages.protected) == 1 and not stages.finish)
 
 
 def _as_read(work: RunContext) -> str:
@@ -355,12 +368,15 @@ async def _read_anew(work: RunContext) -> Observed:
 
 
 async def _read(work: RunContext, session: Channel) -> Observed:
-    """Read what was touched, and all of it where other menus may have followed or the state before is put back."""
+    """Read what was touched, and all that may follow it where other menus may, or the state before is put back."""
     job, seen = work.job, work.seen
     touched = tuple(dict.fromkeys(action.menu for action in work.aim.actions))
     if not work.restores and LEAVES.issuperset(touched):
         return await read_back(session, job.endpoint, seen, touched, job.counted)
-    return await observe(session, job.endpoint, job.desired.menus, tuple(seen.rows), job.counted, seen.facts)
+    kept = {path: rows for path, rows in seen.rows.items() if path in LATER and path not in touched}
+    following = [path for path in seen.rows if path not in kept]
+    now = await observe(session, job.endpoint, job.desired.menus, following, job.counted, seen.facts)
+    return replace(now, rows={**kept, **now.rows})
 
 
 async def _until_told(work: RunContext, now: Observed) -> Observed:
@@ -485,7 +501,9 @@ def _witness(work: RunContext) -> list[_Witness]:
     grown: Counter[str] = Counter()
     for action in last:
         grown[action.menu] += {Verb.ADD: 1, Verb.REMOVE: -len(action.ids)}.get(action.verb, 0)
-    counted = {menu for menu, rows in grown.items() if rows and all(map(MENUS[menu].is_touchable, after.rows[menu]))}
+    # Whether a device counts by a query is not known; reading back gets on without that.
+    plain = {menu for menu, rows in grown.items() if rows and not counting_rows(menu).queries}
+    counted = {menu for menu in plain if all(map(MENUS[menu].is_touchable, after.rows[menu]))}
     menu = min(grown, key=lambda menu: (menu not in counted, len(after.rows[menu]), menu))
     return [_Witness(menu, after, menu in counted)]
 
@@ -520,7 +538,6 @@ async def _finish(work: RunContext, writer: Writer) -> None:
 POLICIES = ("read", "write", "policy", "test", "sensitive", "api")
 """What our user's group must be allowed: without `sensitive` a secret reads as empty, and would be written again."""
 
-_CERTIFICATES = "/certificate"
 _TUNNEL = "/interface/ovpn-client"
 _INSTALL = "type `provision vpn install host={}` first"
 _NO_CERTIFICATE = ("", "none", "auto")
@@ -548,9 +565,9 @@ def _policies(facts: Facts, needed: Sequence[str]) -> Iterator[str]:
 
 
 def _certificates(plan: Plan, observed: Observed) -> Iterator[str]:
-    if _CERTIFICATES not in observed.rows:
+    if CERTIFICATES not in observed.rows:
         return
-    there = {row.get("name") for row in observed.rows[_CERTIFICATES]}
+    there = {row.get("name") for row in observed.rows[CERTIFICATES]}
     for action in plan.actions:
         name = dict(action.values).get("certificate", "")
         if name not in _NO_CERTIFICATE and name not in there:

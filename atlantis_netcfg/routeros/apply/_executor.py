@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
@@ -15,7 +16,7 @@ from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import DeviceObserved, Planned
 from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.api import Unreachable
-from atlantis_netcfg.routeros.apply._change import change, missing, safe_mode_first
+from atlantis_netcfg.routeros.apply._change import BEFORE, change, missing, needs_sign, safe_mode_first
 from atlantis_netcfg.routeros.apply._contact import Contact, completed_despite_stop, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, JobMode, Status, Unfit
@@ -28,15 +29,16 @@ from atlantis_netcfg.routeros.apply._protection import (
     safe_mode_of,
 )
 from atlantis_netcfg.routeros.apply._settle import let_go, settle
-from atlantis_netcfg.routeros.apply._state import SAVING, claimed_by, digest, fetch, invalid, plan_hash, saved
+from atlantis_netcfg.routeros.apply._state import SAVING, SIGNS, claimed_by, digest, fetch, invalid, plan_hash, saved
 from atlantis_netcfg.routeros.apply._work import AGREE_APART, RunContext, cut, look, number_of, planned, unagreed
 from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftHistory, DriftKind, Past, compare
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
-from atlantis_netcfg.routeros.guard import ManagementPath, objections, touches
-from atlantis_netcfg.routeros.link_use import in_use, tolerated
+from atlantis_netcfg.routeros.guard import WAY_BACK, ManagementPath, moves_answers, objections, touches
+from atlantis_netcfg.routeros.link_use import in_use, is_order, tolerated
 from atlantis_netcfg.routeros.observe import (
     BRIEF,
+    CERTIFICATES,
     LATER,
     MenuMissing,
     completed,
@@ -50,6 +52,8 @@ from atlantis_netcfg.routeros.safe_mode import READ, ApiSafeMode, SafeModeUnavai
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from atlantis_netcfg.routeros.api import Command
 
 
@@ -287,7 +291,7 @@ def _may_be_brief(job: DeviceJob, mode: JobMode) -> bool:
 async def _read(work: RunContext) -> None:
     """Read everything that a plan needs, and what is armed or open."""
     job = work.job
-    watched = [path for path in GUARDED if path not in LATER]
+    watched = [*WAY_BACK, SIGNS] if is_order(job.desired) else [path for path in GUARDED if path not in LATER]
     brief = [path for path in BRIEF if work.brief and path in job.desired.entire]
     work.before = await observe(work.channel, job.endpoint, job.desired.menus, watched, job.counted, brief=brief)
     work.left = look(work.before)
@@ -310,6 +314,7 @@ async def _plan(work: RunContext, mode: JobMode) -> None:
         await _complete(work, mode)
         work.plan = plan(job.name, job.desired, work.seen)
         if not _is_read_enough(work):
+            work.early = ()
             work.before = await read_bare(work.channel, work.seen)
             work.plan = plan(job.name, job.desired, work.seen)
         await _examine(work, mode)
@@ -338,40 +343,63 @@ async def _complete(work: RunContext, mode: JobMode) -> None:
 
     Should the change then be refused, nothing was written under it, and it is released. Whether somebody else holds it
     is said where it is needed. What an earlier run has left goes before: outside safe mode, which would bring it back.
+    Where nothing speaks against the plan yet, the state to be saved and the traces of others are read with it.
     """
     _protect(work)
     takes = mode not in _READING and not work.left and not work.holding and safe_mode_first(work)
     takes = takes and not unagreed(work.job, work.aim)
     work.holding = work.holding or takes
-    beside = work.safe_mode.taking if takes else ()
     requested, sampled = _questions(work, mode), samples(work.seen)
-    beside = (*beside, *requested, *sampled.values())
-    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside)
-    answers, sampling = answers[: len(answers) - len(sampled)], answers[len(answers) - len(sampled) :]
+    first = BEFORE if takes and not needs_sign(work) and _may_go_on(work, mode) else ()
+    parts = (work.safe_mode.taking if takes else (), requested, tuple(sampled.values()), first)
+    beside = [each for part in parts for each in part]
+    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside, _later(work))
+    remaining = iter(answers)
+    taking, examined, sampling, work.early = (tuple(islice(remaining, len(part))) for part in parts)
     work.before = with_rows(work.before, sampled, sampling)
-    work.examination.answered(answers[len(answers) - len(requested) :])
+    work.examination.answered(examined)
     if takes:
         try:
-            work.owner = (await work.safe_mode.taken(work.channel, answers[: len(answers) - len(requested)])).who
+            round_trips = work.channel.traffic.round_trips
+            work.owner = (await work.safe_mode.taken(work.channel, taking)).who
+            work.early = work.early if work.channel.traffic.round_trips == round_trips else ()
         except SafeModeUnavailable:
             work.holding = False
 
 
+def _later(work: RunContext) -> Sequence[str]:
+    """Menus of which it is known by now that the plan has to be judged by them."""
+    if is_order(work.job.desired) and moves_answers(work.aim, work.seen, _path(work)):
+        return GUARDED
+    named = {name for action in work.aim.actions for name, _ in action.values}
+    return [path for path in LATER if path != CERTIFICATES or "certificate" in named]
+
+
 def _questions(work: RunContext, mode: JobMode) -> tuple[Command, ...]:
     """What the device's parser is asked of the plan; nothing where no plan is sent, or where its cost is refused."""
-    if mode is JobMode.DRIFT:
+    if mode is JobMode.DRIFT or _is_too_dear(work, mode):
         return ()
-    if work.job.cost_policy is not None and work.job.bearer is not None:
-        expected = estimate(work.aim, work.job.bearer, work.seen)
-        planned = mode is JobMode.PLAN
-        if work.job.cost_policy.judge(work.seen, expected, spends=True, planned=planned).refusal is not None:
-            return ()
     return work.examination.questions(work.aim.actions, work.seen.rows)
+
+
+def _is_too_dear(work: RunContext, mode: JobMode) -> bool:
+    if work.job.cost_policy is None or work.job.bearer is None:
+        return False
+    expected = estimate(work.aim, work.job.bearer, work.seen)
+    planned = mode is JobMode.PLAN
+    return work.job.cost_policy.judge(work.seen, expected, spends=True, planned=planned).refusal is not None
+
+
+def _may_go_on(work: RunContext, mode: JobMode) -> bool:
+    """Tell whether nothing that was read so far speaks against the plan."""
+    agreed = work.job.agreed in (None, plan_hash(work.aim))
+    return agreed and not _is_too_dear(work, mode) and not objections(work.aim, work.seen, _path(work))
 
 
 async def _examine(work: RunContext, mode: JobMode) -> None:
     """Ask what has not been asked: of actions that came to be planned meanwhile, and whole lists of values."""
     while requested := _questions(work, mode):
+        work.early = ()
         work.examination.answered(await work.channel.flight(requested))
     doubt = work.examination.doubt(work.aim.actions)
     if doubt and doubt not in work.notes and mode is not JobMode.DRIFT:

@@ -43,7 +43,7 @@ from atlantis_netcfg.routeros.safe_mode import BUDGET, NoSafeMode, SafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, ArmedJob, DeadMan, disarm, jobs_of
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.routeros.api import Command
+    from atlantis_netcfg.routeros.api import Command, Reply
     from atlantis_netcfg.routeros.api._values import Channel
     from atlantis_netcfg.routeros.apply._contact import Contact
     from atlantis_netcfg.routeros.apply._writer import Writer
@@ -300,6 +300,8 @@ class RunContext:
     """The way back, for a dead-man job."""
     dead_man: DeadMan | None = None
     """The job that is armed."""
+    early: tuple[Reply, ...] = ()
+    """Answers to what is asked before the first change, where they came beside safe mode; nothing was sent since."""
     sign: str | None = None
     """`.id` of the sign that a run is under way, ours or that of a dead run that we have taken over."""
     busy: str = ""

@@ -15,7 +15,7 @@ from atlantis_netcfg.routeros.guard._access import touches_path
 from atlantis_netcfg.routeros.guard._state import INTERFACES, ManagementPath, State
 from atlantis_netcfg.routeros.planner import after, simulate
 
-__all__ = ["MENUS", "ManagementPath", "objections", "touches"]
+__all__ = ["MENUS", "WAY_BACK", "ManagementPath", "moves_answers", "objections", "touches"]
 
 MENUS = (
     "/certificate",
@@ -39,6 +39,14 @@ MENUS = (
     "/user/group",
 )
 """What must be read for the guard to see; a menu that is missing has no rows to it."""
+WAY_BACK = (*INTERFACES, "/interface/bridge/port", "/ip/address", "/ip/route", "/routing/rule", "/routing/settings")
+"""Those of them that decide where our answers leave: enough for a plan of routes alone that does not move them."""
+
+
+def moves_answers(plan: Plan, observed: Observed, path: ManagementPath) -> bool:
+    """Tell whether a plan of routes leads our answers another way; if not, all else judges them by rows as before."""
+    later = State(simulate(observed.rows, plan), path)
+    return _route.decisions(State(observed.rows, path)) != _route.decisions(later)
 
 
 def objections(plan: Plan, observed: Observed, path: ManagementPath) -> tuple[str, ...]:

@@ -45,7 +45,7 @@ class Way:
 
 def objections(before: State, after: State) -> Iterator[str]:
     """Yield what is wrong with the way back after the change, unless it was wrong before."""
-    then, now = _decisions(before), _decisions(after)
+    then, now = decisions(before), decisions(after)
     if then.doubts != now.doubts:
         changed = [doubt for doubt in (*now.doubts, *then.doubts) if (doubt in then.doubts) != (doubt in now.doubts)]
         rule, selectors = (changed or now.doubts)[0]
@@ -86,10 +86,11 @@ def way_back(state: State) -> Way:
 
     Rules that cannot be judged are taken for rules that do not match.
     """
-    return _decisions(state).ways[-1]
+    return decisions(state).ways[-1]
 
 
-def _decisions(state: State) -> _Decisions:
+def decisions(state: State) -> _Decisions:
+    """Return where the answers go, whatever rule matches."""
     ways: list[Way] = []
     doubts: list[tuple[str, str]] = []
     for rule in _rules(state):

@@ -10,6 +10,7 @@ from engine_bench import PASSWORD, TEXT, Bench, leases, on
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import User
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, desired
+from atlantis_netcfg.routeros.apply._state import SAVING
 from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.menus import MENUS, Field
 
@@ -32,6 +33,8 @@ _LOOKS = (
     *("/safe-mode/release", "/safe-mode/unroll"),
 )
 _PARSES = "=script=:foreach n,s in={"
+_SAVING = {command.words()[1] for command in SAVING}
+"""An export, and a word that a script prints."""
 
 
 def with_argument(monkeypatch: pytest.MonkeyPatch, menu: str, name: str) -> None:
@@ -46,8 +49,8 @@ def sent(bench: Bench) -> Iterator[tuple[str, ...]]:
     """Sentences that could have changed something."""
     for connection in bench.router.connections():
         for sentence in connection.sentences:
-            parses = sentence[0] == "/execute" and sentence[1].startswith(_PARSES)
-            if not parses and not sentence[0].endswith(_LOOKS):
+            harmless = sentence[0] == "/execute" and (sentence[1].startswith(_PARSES) or sentence[1] in _SAVING)
+            if not harmless and not sentence[0].endswith(_LOOKS):
                 yield sentence
 
 

@@ -275,7 +275,7 @@ def test_what_somebody_does_meanwhile_is_still_noticed(tmp_path: Path, words: tu
     async def act(bench: Bench) -> tuple[DeviceResult, int]:
         await bench.converge()
         await foreign(bench, 150)
-        meddler = Meddler("/certificate/print", lambda: bench.router.console(words))
+        meddler = Meddler("/user/print", lambda: bench.router.console(words))
         return await bench.converge(remove_foreign=True, connect=meddler.connect), left(bench)
 
     result, there = on(Bench(tmp_path, text=OURS), act)

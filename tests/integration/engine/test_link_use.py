@@ -21,6 +21,7 @@ from atlantis_netcfg.routeros import DeviceResult, Endpoint, JobMode, Status, de
 from atlantis_netcfg.routeros.api import Command, Reply, Session, SessionLost, Unreachable
 from atlantis_netcfg.routeros.apply import Channel, Patience
 from atlantis_netcfg.routeros.desired import Desired
+from atlantis_netcfg.routeros.guard import MENUS, WAY_BACK
 from atlantis_netcfg.routeros.link_use import TICK_S, LinkUse, begun, ended
 from atlantis_netcfg.routeros.observe import seconds
 
@@ -269,6 +270,88 @@ def test_a_router_that_is_not_as_declared_refuses_it(tmp_path: Path) -> None:
         assert "there is no 0.0.0.0/0 via 198.51.100.21" in refused.message
 
     on(bench(tmp_path, "coastal-router"), act)
+
+
+PREFLIGHT = {
+    *("/system/identity/print", "/system/resource/print", "/safe-mode/print", "/user/active/print"),
+    "/system/scheduler/print",
+}
+MARKS = "/ip/firewall/address-list"
+"""The mark of a run is a row of it."""
+
+
+def reads(bench: Bench, session: int) -> list[set[str]]:
+    """Menus that were read in a session, and those that were counted."""
+    said = [sentence for sentence in bench.router.connections()[session].sentences if sentence[0].endswith("/print")]
+    return [{each[0] for each in said if ("=count-only=" in each) is counted} for counted in (False, True)]
+
+
+def test_what_leads_the_answers_is_read_and_what_was_written_is_read_back(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> tuple[list[set[str]], list[set[str]]]:
+        await started(bench)
+        assert (await begin(bench, "4g")).status is Status.CHANGED
+        return reads(bench, -2), reads(bench, -1)
+
+    (full, counted), (again, counted_again) = on(router(tmp_path), act)
+    way = {f"{menu}/print" for menu in (*WAY_BACK, MARKS)}
+    before_a_change = {"/user/print", "/user/group/print", "/system/device-mode/print"}
+    written = {"/ip/route/print", "/system/scheduler/print"}
+    assert full == way | PREFLIGHT | before_a_change
+    assert counted == {"/system/history/print", "/system/scheduler/print"}
+    assert again == written | {"/system/resource/print", "/safe-mode/print"}
+    singletons = {"/routing/settings/print", "/system/identity/print"}
+    assert counted_again == (way | {"/user/print", "/user/group/print"}) - written - singletons
+
+
+ONE_ROUTE = '/system scheduler\n/ip route\nadd blackhole comment="atlantis: x" dst-address={}\n'
+"""A text about routes and jobs alone, like those of a use."""
+
+
+@pytest.mark.parametrize("mode", [JobMode.PLAN, JobMode.APPLY])
+def test_an_order_that_moves_the_answers_is_judged_by_all_that_the_guard_reads(tmp_path: Path, mode: JobMode) -> None:
+    """Refused in the words of a run that has read all of it at first."""
+
+    async def act(bench: Bench) -> tuple[str, DeviceResult, list[set[str]]]:
+        there = bench.export()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("atlantis_netcfg.routeros.apply._executor.is_order", lambda _: False)
+            whole = await bench.converge(mode, desired=desired.read(ONE_ROUTE.format("10.64.101.10/32")))
+        refused = await bench.converge(mode, desired=desired.read(ONE_ROUTE.format("10.64.101.10/32")))
+        assert bench.export() == there
+        assert refused.message == whole.message
+        return refused.message, refused, reads(bench, -1)
+
+    message, refused, (full, _) = on(Bench(tmp_path), act)
+    assert refused.status is Status.REFUSED
+    assert "answers to you at 10.64.101.10 go by 10.64.101.0/24 on ether8; then the route" in message
+    assert full >= {f"{menu}/print" for menu in MENUS}
+
+
+def test_an_order_that_leaves_the_answers_is_carried_out(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> set[str]:
+        result = await bench.converge(desired=desired.read(ONE_ROUTE.format("203.0.113.0/24")))
+        assert result.status is Status.CHANGED, result.message
+        assert "203.0.113.0/24" in bench.export()
+        return reads(bench, -2)[0]
+
+    assert not {f"{menu}/print" for menu in UNREAD} & on(Bench(tmp_path), act)
+
+
+UNREAD = {*MENUS} - {*WAY_BACK, MARKS, "/user", "/user/group"}
+
+
+def test_the_mark_of_another_run_is_seen_before_anything_is_sent(tmp_path: Path) -> None:
+    """Also by a run that reads little."""
+
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        row = ["=list=atlantis-run", "=address=192.0.2.1", "=timeout=1800", "=comment=run X of another"]
+        await bench.router.console(["/ip/firewall/address-list/add", *row])
+        left = await begin(bench, "4g")
+        assert (left.status, "run X of another is under way" in left.message) == (Status.LEFT_AS_FOUND, True)
+        assert exported(bench) == before
+
+    on(router(tmp_path), act)
 
 
 # --- killed at every moment ------------------------------------------------------------------------------------------

@@ -37,14 +37,21 @@ PLAIN = (Status.CHANGED, Status.UNCHANGED, Status.LEFT_AS_FOUND)
 
 @dataclass
 class Starter:
-    """Does something before the n-th batch of sentences that one laptop sends, over all its sessions."""
+    """Does something before the n-th thing that one laptop does: it opens a session, or sends a batch of sentences."""
 
     nth: int
     act: Callable[[], Coroutine[Any, Any, object]]
     count: int = 0
 
+    async def step(self) -> None:
+        """Count, and act when it is time."""
+        self.count += 1
+        if self.count == self.nth:
+            await self.act()
+
     async def connect(self, endpoint: Endpoint) -> Channel:
         """In place of `Session.open`."""
+        await self.step()
         return _Started(await Session.open(endpoint), self)
 
 
@@ -59,9 +66,7 @@ class _Started:
         return reply
 
     async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
-        self._starter.count += 1
-        if self._starter.count == self._starter.nth:
-            await self._starter.act()
+        await self._starter.step()
         return await self._session.flight(commands, silence_s=silence_s)
 
     async def close(self, *, wait: bool = True) -> None:
@@ -86,7 +91,7 @@ class Meeting:
 
 
 async def meet(bench: Bench, nth: int, second: str, *, at_once: bool, **changes: Any) -> Meeting:  # noqa: ANN401
-    """Start another laptop before the n-th batch of the first; `at_once`: it ends before the first one goes on.
+    """Start another laptop before the n-th step of the first; `at_once`: it ends before the first one goes on.
 
     A `run` among the changes is the name of both.
     """

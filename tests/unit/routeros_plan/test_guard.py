@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,95 @@ def test_case(case: dict[str, Any]) -> None:
     assert planned.actions
     assert list(guard.objections(planned, there, path)) == case.get("objections", [])
     assert guard.touches(planned, there, path) is case["touches"]
+
+
+ORDERS = {
+    "no routes": "/ip route",
+    "a blackhole in front of the technician": "/ip route\nadd blackhole comment=atlantis dst-address={technician}/32",
+    "another gateway": "/ip route\nadd comment=atlantis distance=1 gateway=10.64.1.253",
+    "one more route elsewhere": "/ip route\nadd comment=atlantis dst-address=203.0.113.0/24 gateway=10.64.1.253",
+}
+"""Changes of routes alone."""
+
+
+def way_back_of(there: Observed) -> Observed:
+    """What is read of a device before its order of links is changed."""
+    return replace(there, rows={menu: there.rows[menu] for menu in guard.WAY_BACK})
+
+
+@for_each_row("case", CASES, ids=lambda case: case["name"])
+def test_a_plan_of_routes_that_does_not_move_the_answers_harms_nobody(case: dict[str, Any]) -> None:
+    """On the device of every case: what is not read then would not have objected."""
+    there, technician = device(case), case.get("technician", "10.64.101.10")
+    path = ManagementPath(technician, case.get("local", "10.64.101.1"))
+    for text in ORDERS.values():
+        planned = plan("r", read(text.format(technician=technician)), there)
+        moves = guard.moves_answers(planned, way_back_of(there), path)
+        assert moves or not guard.objections(planned, there, path)
+        assert moves is guard.moves_answers(planned, there, path)
+
+
+def test_plans_of_routes_that_move_the_answers_are_among_them() -> None:
+    there, near, far = observed(DEVICE), "10.64.101.10", "10.80.0.5"
+
+    def moving(technician: str) -> list[str]:
+        path = ManagementPath(technician, "10.64.101.1")
+        plans = {name: plan("r", read(text.format(technician=technician)), there) for name, text in ORDERS.items()}
+        return [name for name, planned in plans.items() if guard.moves_answers(planned, way_back_of(there), path)]
+
+    assert moving(near) == ["a blackhole in front of the technician"]
+    assert moving(far) == list(ORDERS)
+
+
+UNREAD = {
+    "/certificate": ("/certificate\nadd name=another", None),
+    "/interface/list": (
+        """/interface list\nadd name=SIDE include=LAN
+/ip firewall filter\nadd action=drop chain=output comment=side out-interface-list=SIDE""",
+        "/ip firewall filter: the rule `output drop side` would drop the router's answers to you",
+    ),
+    "/interface/list/member": (
+        "/ip firewall filter\nadd action=drop chain=output comment=lan out-interface-list=LAN",
+        "/ip firewall filter: the rule `output drop lan` would drop the router's answers to you",
+    ),
+    "/ip/dhcp-client": ("/ip dhcp-client\nadd interface=ether8 disabled=false", None),
+    "/ip/firewall/filter": (
+        "/ip firewall filter\nadd action=drop chain=output comment=lan out-interface=bridge-lan",
+        "/ip firewall filter: the rule `output drop lan` would drop the router's answers to you",
+    ),
+    "/ip/firewall/mangle": (
+        "/ip firewall mangle\nadd action=mark-routing chain=output comment=lan out-interface=bridge-lan",
+        "/ip firewall mangle: the rule `output mark-routing lan` would route the router's answers to you",
+    ),
+    "/ip/firewall/nat": (
+        "/ip firewall nat\nadd action=redirect chain=dstnat comment=lan in-interface=bridge-lan",
+        "/ip firewall nat: the rule `dstnat redirect lan` would send a new session of yours elsewhere",
+    ),
+    "/ip/service": ("/ip service\nset api-ssl disabled=true port=8730", None),
+}
+"""Menus that are not read while the answers stay, and rows of them that would harm answers by the LAN, or harm nobody
+by a change of routes."""
+
+
+@pytest.mark.parametrize("menu", UNREAD)
+def test_what_is_not_read_harms_only_when_the_answers_move(menu: str) -> None:
+    also, objection = UNREAD[menu]
+    there = device({"also": also})
+    away = plan("r", read(ORDERS["one more route elsewhere"]), there)
+    moved = plan("r", read("/ip route\nadd comment=atlantis distance=1 gateway=10.64.1.254"), there)
+    near, far = ManagementPath("10.64.101.10", "10.64.101.1"), ManagementPath("10.80.0.5", "10.64.101.1")
+    assert not guard.moves_answers(away, way_back_of(there), near)
+    assert guard.objections(away, there, near) == ()
+    assert guard.moves_answers(moved, way_back_of(there), far)
+    first, *_ = found = guard.objections(moved, there, far)
+    assert any("answers to you at 10.80.0.5 go by" in each for each in found)
+    assert objection is None or first.startswith(objection)
+
+
+def test_every_menu_is_read_or_has_such_a_case() -> None:
+    """Users are read before every change, and address lists because the sign of a run is a row of them."""
+    elsewhere = {"/user", "/user/group", "/ip/firewall/address-list"}
+    assert {*UNREAD, *guard.WAY_BACK, *elsewhere} == set(guard.MENUS)
 
 
 def test_an_interface_that_is_not_there_stands_for_itself() -> None:
