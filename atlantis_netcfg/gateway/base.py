@@ -26,6 +26,7 @@ from atlantis_netcfg.declaration.model import (
 )
 from atlantis_netcfg.gateway import radios
 from atlantis_netcfg.gateway import services as hosted
+from atlantis_netcfg.gateway.dds_link import DdsLink, dds_link, dds_link_unit
 from atlantis_netcfg.gateway.parts import (
     Check,
     Configuration,
@@ -167,6 +168,8 @@ class BaseView:
     ssh_from: tuple[str, ...]
     ssh_port: int
     dds: DdsPorts | None
+    dds_link: DdsLink | None
+    """None: DDS goes over each link of the site."""
     services: tuple[OpenPort, ...]
     metered: tuple[str, ...]
     """Links of the site on which every byte costs."""
@@ -201,6 +204,7 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         ssh_from=_collapsed((*site.management.admit, lan, vpn)),
         ssh_port=device.ssh.port,
         dds=_dds(declaration, (lan, vpn)),
+        dds_link=dds_link(declaration, host),
         services=tuple(_open_ports(declaration, host.name, device, lan)),
         metered=tuple(bearer.name for bearer in site.bearers if bearer.metered),
         watchdog_s=device.watchdog_s,
@@ -370,6 +374,7 @@ def gateway_base(
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         )
         .joined(reflector(host))
+        .joined(dds_link_unit(view.dds_link))
         .joined(far_end(host.name, declaration.pilot))
         .joined(hosted.services(host.device, images))
         .joined(retrieval(declaration, host, rehearsed=rehearsed)),

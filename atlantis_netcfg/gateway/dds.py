@@ -31,11 +31,13 @@ from atlantis_netcfg.declaration.model import (
     ControlCentre,
     Dds,
     DdsPath,
+    Gateway,
     Pace,
     RosDistribution,
     RosMiddleware,
     ServerComputer,
 )
+from atlantis_netcfg.gateway.dds_link import links_without_dds
 from atlantis_netcfg.gateway.interop import SERVICE
 from atlantis_netcfg.gateway.recording import SERVICE as RECORDING
 from atlantis_netcfg.gateway.services import BRIDGE, ENVIRONMENT, PROFILES
@@ -220,6 +222,8 @@ class _DdsHost:
     """None: anywhere."""
     everywhere: bool
     """A control centre, whom everybody has to find."""
+    gateway: bool = False
+    """Where DDS may not cross a link of its site, a control centre does not name it: it hears it while DDS crosses."""
 
 
 def profile_views(declaration: Declaration, host: Host, release: str | None = None) -> tuple[ProfileView, ...]:
@@ -234,7 +238,9 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
     chosen = _release(release or dds.distribution)
     all_of_them = _participants(declaration, dds)
     local = next(entry for entry in all_of_them if entry.name == host.name)
-    peers = [peer for peer in all_of_them if local.everywhere or peer.everywhere or peer.site in {None, host.site}]
+    reachable = [peer for peer in all_of_them if local.everywhere or peer.everywhere or peer.site in {None, host.site}]
+    quiet = {name for name in declaration.sites if name != host.site and links_without_dds(declaration, name)}
+    peers = [peer for peer in reachable if not (peer.gateway and peer.site in quiet)]
     return tuple(
         ProfileView(
             host=host.name,
@@ -247,7 +253,7 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
             participants=dds.participants,
             processes=dds.processes,
             lease_s=dds.lease_s,
-            tuning=_tuning(declaration, bearer.kind, {peer.site for peer in peers} - {host.site}),
+            tuning=_tuning(declaration, bearer.kind, {peer.site for peer in reachable} - {host.site}),
             over=dds.over,
             vpn=VpnHeaders.of(declaration.pilot.vpn.transport),
         )
@@ -315,10 +321,13 @@ def _release(name: str) -> DdsRelease:
     return RELEASES[name]
 
 
+_KINDS = (ControlCentre, Gateway)
+
+
 def _participants(declaration: Declaration, dds: Dds) -> list[_DdsHost]:
     """Hosts, then the peers that are declared; in LANs also the vehicles that have a reservation there."""
     found = [
-        _DdsHost(name, dds.address_of(host.device), host.site, isinstance(host.device, ControlCentre))
+        _DdsHost(name, dds.address_of(host.device), host.site, *(isinstance(host.device, kind) for kind in _KINDS))
         for name, host in declaration.hosts.items()
         if isinstance(host.device, ServerComputer)
     ]

@@ -48,7 +48,7 @@ systemctl daemon-reload
 def reflector(host: Host) -> Configuration:
     """Pure. What answers checklists; of a computer that is not in the VPN: what is taken away."""
     assert isinstance(host.device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
-    away = _taken_away("take the answers to checklists away", SERVICE)
+    away = taken_away("take the answers to checklists away", SERVICE)
     if host.device.vpn_address is None:
         return Configuration(absent=(_UNIT, PROGRAM), steps=(away,))
     unit = _unit(
@@ -70,7 +70,7 @@ def measured_at(host: str, pilot: Pilot) -> Qualify | None:
 
 def far_end(host: str, pilot: Pilot) -> Configuration:
     """Pure. What answers the test packets of measured links; of another computer: what is taken away."""
-    away = _taken_away("take the far end of measured links away", QUALIFY_SERVICE)
+    away = taken_away("take the far end of measured links away", QUALIFY_SERVICE)
     qualify = measured_at(host, pilot)
     if qualify is None:
         return Configuration(absent=(_QUALIFY_UNIT, QUALIFY_KEY), only=(QUALIFY_FOLDER,), steps=(away,))
@@ -110,7 +110,8 @@ def _unit(**values: str | bool) -> str:
     return environment().get_template("gateway/reflector.service.j2").render(usual | values)
 
 
-def _taken_away(words: str, service: str) -> ConvergeStep:
+def taken_away(words: str, service: str) -> ConvergeStep:
+    """Stop a service whose unit file is gone."""
     return ConvergeStep(words, ("sh", "-c", _TAKE_AWAY, "sh", service), (f"{_UNITS}/{service}",))
 
 

@@ -4,10 +4,11 @@
 
 - the router asks the canaries of its links; it and each gateway ask the time servers;
 - the router and each gateway have a tunnel, and so has each computer of `dds.peers` at this site;
-- each computer that talks DDS announces itself to its peers, and they to it. What two computers of one site say to each
-  other through the VPN crosses the link twice. A peer that is no host of the inventory is taken to announce itself as
-  the computers here do;
-- the vehicles that are tested here publish their declared `telemetry` to every control centre;
+- each computer that talks DDS announces itself to its peers, and they to it, unless DDS is kept off the link. What two
+  computers of one site say to each other through the VPN crosses the link twice. A peer that is no host of the
+  inventory is taken to announce itself as the computers here do;
+- the vehicles that are tested here publish their declared `telemetry` to every control centre; over a link that DDS is
+  kept off only where a computer of `dds.peers` works here, because its own tunnel is not known to our firewall;
 - the site of the VPN server carries what all other sites say, as if all of it came over each of its bearers.
 
 Partners' tunnels that only the VPN's ledger knows are not in it, nor is what a person does.
@@ -15,6 +16,7 @@ Partners' tunnels that only the VPN's ledger knows are not in it, nor is what a 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from decimal import Decimal
 from typing import TYPE_CHECKING, Final
 
@@ -37,6 +39,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Finding
 from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, Router, Switch
 from atlantis_netcfg.gateway.dds import profile_in_use
+from atlantis_netcfg.gateway.dds_link import links_without_dds
 from atlantis_netcfg.operations.costs import links_of
 from atlantis_netcfg.render import router_view
 from atlantis_netcfg.vpn.client import site_link
@@ -111,16 +114,19 @@ def _shared(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[Sta
         return
     for name, other in declaration.sites.items():
         if name != site:
-            slowest = max(other.bearers, key=lambda each: each.rate.rtt_ms)
+            without = links_without_dds(declaration, name)
+            slowest = max(other.bearers, key=lambda each: (each.name not in without, each.rate.rtt_ms))
             yield from (flow.mirrored() for flow in _through_the_vpn(declaration, name, slowest))
 
 
 def _through_the_vpn(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:
     """What the tunnels of a site say, and what goes through them over a bearer."""
-    computers = _computers(declaration, site)
-    announcements = tuple(_announcements(declaration, computers))
+    crosses = bearer.name not in links_without_dds(declaration, site)
+    computers, foreign = _computers(declaration, site), _foreign(declaration, site)
+    senders = [computer for computer in computers if crosses or computer[0] in foreign]
+    announcements = tuple(_announcements(declaration, computers, senders))
     yield from announcements
-    if computers:
+    if senders:
         yield _telemetry(declaration, site, computers[0][1], declared_pace(bearer))
     ping_s = TIMERS[site_link(declaration, site)][0]
     over_lan = declaration.pilot.dds is not None and declaration.pilot.dds.over is DdsPath.LAN
@@ -131,8 +137,8 @@ def _through_the_vpn(declaration: Declaration, site: str, bearer: Bearer) -> Ite
     if router is not None and isinstance(router.device, Router) and router.device.vpn_client is not None:
         yield busy if over_lan else idle
     gateways = [host for host in declaration.site_hosts(site) if getattr(host.device, "vpn_address", None) is not None]
-    yield from (idle if over_lan else busy for _ in gateways)
-    yield from (busy for _ in _foreign(declaration, site) if not over_lan)
+    yield from (busy if crosses and not over_lan else idle for _ in gateways)
+    yield from (busy for _ in foreign if not over_lan)
 
 
 def _computers(declaration: Declaration, site: str) -> list[tuple[str, ProfileView]]:
@@ -150,24 +156,33 @@ def _foreign(declaration: Declaration, site: str) -> list[str]:
     return [str(peer.address) for peer in dds.peers if peer.site == site] if dds is not None else []
 
 
-def _announcements(declaration: Declaration, computers: list[tuple[str, ProfileView]]) -> Iterator[StandingFlow]:
-    """Each computer of a site with each of its peers, both ways."""
+def _announcements(
+    declaration: Declaration, computers: list[tuple[str, ProfileView]], senders: list[tuple[str, ProfileView]]
+) -> Iterator[StandingFlow]:
+    """Those of the computers of a site whose DDS crosses the link with each of their peers, both ways."""
     here = {address for address, _ in computers}
-    for address, view in computers:
-        sent, refused = _pair(view)
+    for address, view in senders:
         for name, peer in view.peers:
+            sent, refused = _pair(view, peer)
             if peer in here and peer != address and view.over is DdsPath.VPN:
                 yield StandingFlow(TrafficSource.DDS, sent + refused, sent + refused)
             elif peer not in here and not (view.over is DdsPath.LAN and name in declaration.vehicles):
                 host = declaration.hosts.get(name)
-                other = profile_in_use(declaration, host) if host is not None else view
-                received, refused_here = _pair(other)
+                received, refused_here = _pair(view, peer)
+                if host is not None:
+                    received, refused_here = _pair(profile_in_use(declaration, host), address)
                 yield StandingFlow(TrafficSource.DDS, sent + refused_here, received + refused)
 
 
-def _pair(view: ProfileView) -> tuple[float, float]:
-    """Bytes a day that a computer sends to one of its peers, and that come back because nobody listens there."""
-    return view.announcing.sent(1, view.vpn), view.announcing.refused(1, view.vpn)
+def _pair(view: ProfileView, peer: str) -> tuple[float, float]:
+    """Bytes a day that a computer sends to another one, and that come back because nobody listens there.
+
+    To one that is not its peer it sends what goes to participants that it has heard, at ports where they listen.
+    """
+    announcing = view.announcing
+    if all(address != peer for _, address in view.peers):
+        announcing = replace(announcing, ports=0)
+    return announcing.sent(1, view.vpn), announcing.refused(1, view.vpn)
 
 
 def _telemetry(declaration: Declaration, site: str, view: ProfileView, pace: LinkPace) -> StandingFlow:

@@ -131,13 +131,14 @@ def port_of(name: str, router: Router, link: str) -> str:
 def uplinks(name: str, router: Router, site: Site, pilot: Pilot) -> tuple[Uplink, ...]:
     """Return the bearers in order of preference."""
     return tuple(
-        _uplink(site, place, port_of(name, router, bearer.name), allowed(pilot, bearer))
+        _uplink(site, place, port_of(name, router, bearer.name), pilot)
         for place, bearer in enumerate(site.bearers, start=1)
     )
 
 
-def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ...]) -> Uplink:
+def _uplink(site: Site, place: int, port: str, pilot: Pilot) -> Uplink:
     bearer = site.bearers[place - 1]
+    admitted = allowed(pilot, bearer)
     later = site.bearers[place:]
     return Uplink(
         name=bearer.name,
@@ -154,6 +155,7 @@ def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ..
         later=tuple(str(other.address) for other in later),
         up_bps=round(bearer.rate.up_kbps * 1000),
         thin=bearer.thin,
+        dds=pilot.dds is None or bearer.carries(pilot.dds),
     )
 
 

@@ -155,6 +155,8 @@ class Uplink(LinkView):
     """From the site."""
     thin: bool
     """So slow that control has to go first."""
+    dds: bool
+    """Whether DDS may cross it; where not, the router tells the gateway so."""
 
     @property
     def distance(self) -> int:

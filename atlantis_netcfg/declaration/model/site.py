@@ -26,6 +26,7 @@ from atlantis_netcfg.declaration.model._base import (
     Transport,
 )
 from atlantis_netcfg.declaration.model.checklist import ChecklistSettings
+from atlantis_netcfg.declaration.model.dds import Dds, DdsPath
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.pilot import ETHERNET, Column
 from atlantis_netcfg.declaration.model.qualify import LinkThresholds, ThresholdsName
@@ -233,6 +234,8 @@ class Bearer(Model):
     """Metered links only: what may go over it in a month by itself, in 10^6 bytes; more is a warning."""
     standing_budget_eur: Annotated[StrictFloat, Field(gt=0)] | None = None
     """Metered links with a tariff in EUR only: the same as money."""
+    dds: StrictBool | None = None
+    """Whether DDS of the gateways crosses the link; null: only where `metered` is false."""
     network: Network
     """Between the router and the next hop."""
     address: Address
@@ -251,6 +254,10 @@ class Bearer(Model):
     """Satellite only: what may pass besides the VPN and the time servers. All else is dropped at the router."""
     refused_probes: tuple[AllowedTarget, ...] = ()
     """Satellite only: targets of our own outside the allow-list, to prove that they cannot be reached."""
+
+    def carries(self, dds: Dds) -> bool:
+        """Whether DDS may cross it. By LAN addresses it always does, through the router's own tunnel."""
+        return dds.over is DdsPath.LAN or (not self.metered if self.dds is None else self.dds)
 
     @property
     def canary_budget_bytes(self) -> float | None:

@@ -96,9 +96,14 @@ def count(made: Vpn, seconds: float) -> Counted:
     return Counted(read(made, "up") - up, read(made, "down") - down, time.monotonic() - begun)
 
 
-def pilot() -> Declaration:
-    """The shipped pilot with Cyclone DDS, and one vehicle that publishes what `python_peer.py` does."""
+def pilot(*links: str) -> Declaration:
+    """The shipped pilot with Cyclone DDS, and one vehicle that publishes what `python_peer.py` does.
+
+    DDS crosses these links of the coastal site.
+    """
     declaration = load(SHIPPED)
+    coastal = declaration.sites["coastal"]
+    bearers = tuple(one.model_copy(update={"dds": one.name in links}) for one in coastal.bearers)
     dds = Dds(distribution=RosDistribution.HUMBLE, middleware=RosMiddleware.CYCLONE_DDS)
     topic = TelemetryTopic(topic="/proof", data=TelemetryData.NUMBERS, rate_hz=_WORD_HZ, size_bytes=_WORD_BYTES)
     sparus = declaration.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
@@ -106,6 +111,7 @@ def pilot() -> Declaration:
         declaration,
         pilot=declaration.pilot.model_copy(update={"dds": dds}),
         vehicles={**declaration.vehicles, "sparus": sparus},
+        sites={**declaration.sites, "coastal": coastal.model_copy(update={"bearers": bearers})},
     )
 
 
@@ -150,10 +156,15 @@ def kept_off(made: Vpn) -> int:
     return int(re.findall(r"packets (\d+)", said)[0])
 
 
-def test_the_vpn_and_dds_over_the_satellite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "links", [("wifi-ptp", "4g", "satellite"), ("wifi-ptp", "satellite")], ids=["named", "not named by the centre"]
+)
+def test_the_vpn_and_dds_over_the_satellite(
+    links: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tuning = replace(TUNING[Pace.SATELLITE], announce_s=_ANNOUNCE_S)
     monkeypatch.setitem(TUNING, Pace.SATELLITE, tuning)
-    declaration = pilot()
+    declaration = pilot(*links)
     wishes = [host(declaration, GATEWAY), host(declaration, CENTRE)]
     with vpn(declaration, wishes, tmp_path, slow=[GATEWAY], before=terminal) as made:
         for name in (GATEWAY, CENTRE, SERVER):

@@ -26,6 +26,7 @@ class Nft:
     dport: int
     state: str
     status: int
+    dscp: int = 0
 
     def field(self, words: str) -> str | int | None:
         """The value of an expression; None where the packet has no such field, so that nothing can match it."""
@@ -39,6 +40,7 @@ class Nft:
             "oifname": self.oifname,
             "ip protocol": self.protocol,
             "ct state": self.state,
+            "ip dscp": self.dscp,
         }
         return known[words]
 
@@ -49,7 +51,7 @@ def status_of(nat_state: frozenset[str]) -> int:
 
 def passes(ruleset: Ruleset, chain: str, packet: Nft) -> bool:
     """Whether a base chain with policy accept lets the packet go on."""
-    return _walk(ruleset, chain, packet) != "drop"
+    return _walk(ruleset, chain, packet) not in ("drop", "reject")
 
 
 def _walk(ruleset: Ruleset, chain: str, packet: Nft) -> str | None:
@@ -67,6 +69,8 @@ def _walk(ruleset: Ruleset, chain: str, packet: Nft) -> str | None:
 def _verdict(ruleset: Ruleset, rule: Rule, packet: Nft) -> str | None:
     if rule.action in ("accept", "drop", "return"):
         return rule.action
+    if rule.action.startswith("reject "):
+        return "reject"
     if rule.action.startswith("jump c_"):
         return _walk(ruleset, rule.action.removeprefix("jump c_"), packet)
     assert rule.action.startswith("log "), rule.action

@@ -22,7 +22,7 @@ _HOOKS = {
 """RouterOS' chains and the hooks that they are (Manual, Packet Flow)."""
 _NAT_BITS = {"srcnat": "0x10", "dstnat": "0x20"}
 """IPS_SRC_NAT and IPS_DST_NAT of linux/netfilter/nf_conntrack_common.h."""
-_SILENT = frozenset({"action", "chain", "comment", "jump-target", "log-prefix", "to-addresses"})
+_SILENT = frozenset({"action", "chain", "comment", "jump-target", "log-prefix", "reject-with", "to-addresses"})
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,8 @@ def _action(row: Statement) -> str:
         return f"jump {_name(str(row.get('jump-target')))}"
     if action == "log":
         return f'log prefix "{row.get("log-prefix")} "'
+    if action == "reject":
+        return f"reject with icmp type {str(row.get('reject-with')).removeprefix('icmp-')}"
     if action == "dst-nat":
         return f"dnat to {row.get('to-addresses')}"
     raise ValueError(f"unknown action {action}")
@@ -117,8 +119,8 @@ def _match(name: str, value: str, protocol: str, members: dict[str, tuple[str, .
     elif name in ("in-interface-list", "out-interface-list"):
         quoted = ", ".join(f'"{member}"' for member in members.get(wanted, ())) or '"nothing"'
         yield f"{side[0]}ifname {is_not}{{ {quoted} }}"
-    elif name == "protocol":
-        yield f"ip protocol {is_not}{wanted}"
+    elif name in ("dscp", "protocol"):
+        yield f"ip {name} {is_not}{wanted}"
     elif name in ("dst-port", "src-port"):
         yield f"{protocol} {side[0]}port {is_not}{{ {wanted.replace(',', ', ')} }}"
     elif name == "connection-state":

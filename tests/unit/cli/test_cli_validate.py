@@ -58,7 +58,7 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert said.pop("revision")
     examples = said.pop("examples")
     assert len(examples) == 434
-    assert {"file": "inventory/group_vars/coastal.yml", "line": 51, "column": 31, "key": "price_per_mb"} in [
+    assert {"file": "inventory/group_vars/coastal.yml", "line": 52, "column": 31, "key": "price_per_mb"} in [
         {key: value for key, value in example.items() if key != "recognised"} for example in examples
     ]
     assert said == {
@@ -78,7 +78,7 @@ def test_every_example_is_listed_with_its_place(capsys: pytest.CaptureFixture[st
     assert main([*words, "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out.splitlines()
     keys = "`price_per_mb`, `min_session_bytes`, `floor_bytes_per_s`, `floor_after_s`"
-    assert f"  group_vars/coastal.yml:51 {keys}" in said
+    assert f"  group_vars/coastal.yml:52 {keys}" in said
     assert "  host_vars/coastal-4g.yml:14 `bands`" in said
     assert said[-1] == "434 values are examples."
 
@@ -98,7 +98,7 @@ def test_warnings_stop_nothing(inventory: Path, capsys: pytest.CaptureFixture[st
     assert "over 4g of coastal, 4g of te4sea, satellite of te4sea:" in said
     assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.DONE
     (warning,) = json.loads(capsys.readouterr().out)["warnings"]
-    assert (warning["file"], warning["line"]) == ("inventory/group_vars/coastal.yml", 42)
+    assert (warning["file"], warning["line"]) == ("inventory/group_vars/coastal.yml", 43)
     assert warning["message"].startswith("by itself ")
 
 

@@ -1,11 +1,13 @@
 """Profiles say what is declared, each in the words of its version."""
 
+from dataclasses import replace
 from ipaddress import IPv4Address
 
 import pytest
 from dds_pilots import leaves, pilot, view
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.declaration.model import BearerKind, Dds, DdsPath, DdsPeer, Pace, RosDistribution, RosMiddleware
 from atlantis_netcfg.gateway.dds import GAP_S, RELEASES, TUNING, profile_views, profiles
 
@@ -117,16 +119,42 @@ def test_every_lease_outlives_the_gap_with_an_announcement_lost(kind: BearerKind
     assert GAP_S + 2 * TUNING[kind.traits.pace].announce_s < lease_s
 
 
+def everywhere() -> Declaration:
+    """The shipped pilot, and DDS crosses every link."""
+    declaration = pilot()
+    return replace(
+        declaration,
+        sites={
+            name: site.model_copy(
+                update={"bearers": tuple(bearer.model_copy(update={"dds": True}) for bearer in site.bearers)}
+            )
+            for name, site in declaration.sites.items()
+        },
+    )
+
+
 def test_a_control_centre_knows_everybody_and_spares_the_slowest_link() -> None:
-    centre = view("scc-control", "uplink")
+    declaration = everywhere()
+    (centre,) = profile_views(declaration, declaration.hosts["scc-control"])
     assert [name for name, _ in centre.peers] == ["scc-control", "coastal-gateway", "te4sea-gateway"]
     assert centre.tuning == TUNING[Pace.SATELLITE]
+
+
+def test_a_control_centre_names_no_gateway_with_a_link_that_dds_may_not_cross() -> None:
+    """It would announce itself to it over a satellite as well, whoever has to pay for it; it hears it anyway."""
+    centre = view("scc-control", "uplink")
+    assert [name for name, _ in centre.peers] == ["scc-control"]
+    assert centre.tuning == TUNING[Pace.SATELLITE]
+    assert [name for name, _ in view("te4sea-gateway", "4g").peers] == ["scc-control", "te4sea-gateway"]
 
 
 def test_what_the_announcements_cost() -> None:
     """1 other computer x 11 packets of Fast DDS of 484 bytes and 52 of the VPN, every 20 s; Cyclone DDS: 10 of 380."""
     assert view("coastal-gateway", "satellite").announced_mb_a_day == pytest.approx(11 * 536 * 4320 / 1e6)
-    assert view("scc-control", "uplink").announced_mb_a_day == pytest.approx(2 * 11 * 536 * 4320 / 1e6)
+    declaration = everywhere()
+    (centre,) = profile_views(declaration, declaration.hosts["scc-control"])
+    assert centre.announced_mb_a_day == pytest.approx(2 * 11 * 536 * 4320 / 1e6)
+    assert view("scc-control", "uplink").announced_mb_a_day == 0.0
     cyclone = view("coastal-gateway", "satellite", "pypi")
     assert cyclone.announced_mb_a_day == pytest.approx(10 * 432 * 4320 / 1e6)
 

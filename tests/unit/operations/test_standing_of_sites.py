@@ -19,8 +19,29 @@ _RENEWED = 24 * 2500
 
 
 @pytest.fixture(scope="module")
-def pilot() -> Declaration:
+def shipped() -> Declaration:
     return load(SHIPPED)
+
+
+@pytest.fixture(scope="module")
+def pilot(shipped: Declaration) -> Declaration:
+    """The shipped one, and DDS crosses every link."""
+    return crossing(shipped, "wifi-ptp", "4g", "satellite")
+
+
+def crossing(pilot: Declaration, *links: str) -> Declaration:
+    """DDS crosses these links of the two sites, and no other."""
+    sites = {
+        name: site.model_copy(
+            update={
+                "bearers": tuple(each.model_copy(update={"dds": each.name in links}) for each in site.bearers),
+            }
+        )
+        if name != "scc"
+        else site
+        for name, site in pilot.sites.items()
+    }
+    return replace(pilot, sites=sites)
 
 
 def with_dds(pilot: Declaration, **more: object) -> Declaration:
@@ -40,6 +61,36 @@ def test_what_goes_over_a_satellite(pilot: Declaration) -> None:
     # The router's tunnel is quiet and sends pings; the gateway's has announcements instead.
     assert found[TrafficSource.VPN].up == pytest.approx(1440 * 68 + 2 * _RENEWED)
     assert found[TrafficSource.TIME].both == pytest.approx(2 * 2 * 2 * 76 * DAY_S / 1024)
+
+
+def test_dds_is_kept_off_a_satellite(shipped: Declaration) -> None:
+    """By itself, because it is metered. Its tunnels send pings, and nothing of a vehicle crosses it either."""
+    topic = TelemetryTopic(topic="/pose", data=TelemetryData.NUMBERS, rate_hz=2.0, size_bytes=120)
+    sparus = shipped.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
+    declared = replace(shipped, vehicles={**shipped.vehicles, "sparus": sparus})
+    found = flows(declared, "coastal", "satellite")
+    assert list(found) == [TrafficSource.TIME, TrafficSource.VPN]
+    assert found[TrafficSource.VPN].up == pytest.approx(2 * (1440 * 68 + _RENEWED))
+    assert TrafficSource.TELEMETRY in flows(declared, "coastal", "wifi-ptp")
+
+
+def test_a_centre_hears_whom_it_does_not_name(pilot: Declaration) -> None:
+    """Over a link that DDS may cross, of a site that has another one: what it sends finds a listener each time."""
+    heard = 536 * DAY_S / 20
+    found = flows(crossing(pilot, "wifi-ptp"), "coastal", "wifi-ptp")[TrafficSource.DDS]
+    assert (found.up, found.down) == pytest.approx((_SENT, heard + _REFUSED))
+    there = flows(crossing(pilot, "wifi-ptp", "4g"), "scc", "uplink")[TrafficSource.DDS]
+    assert (there.up, there.down) == pytest.approx((2 * (heard + _REFUSED), 2 * _SENT))
+
+
+def test_a_tunnel_that_is_not_ours_crosses_every_link(shipped: Declaration) -> None:
+    """A robot's own computer announces itself to the centre and to the gateway, whose answers are kept off."""
+    peers = (DdsPeer(name="sparus-onboard", address=IPv4Address("10.80.17.5"), site="coastal"),)
+    pair = _SENT + _REFUSED
+    found = flows(with_dds(shipped, peers=peers), "coastal", "satellite")[TrafficSource.DDS]
+    assert (found.up, found.down) == pytest.approx((2 * pair, 2 * pair))
+    over_lan = flows(with_dds(shipped, over=DdsPath.LAN), "coastal", "satellite")[TrafficSource.DDS]
+    assert over_lan.up == pytest.approx(pair)
 
 
 def test_canaries_are_asked_over_every_link_that_has_them(pilot: Declaration) -> None:

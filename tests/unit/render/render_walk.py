@@ -12,7 +12,7 @@ from atlantis_netcfg.rsc import Export, Statement
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-_LOOKS = frozenset({"action", "chain", "comment", "jump-target", "limit", "log-prefix"})
+_LOOKS = frozenset({"action", "chain", "comment", "jump-target", "limit", "log-prefix", "reject-with"})
 _BUILT_IN = ("input", "forward", "output", "dstnat", "srcnat")
 
 
@@ -31,6 +31,7 @@ class Packet:
     """Of TCP; of an answer `ack` is among them."""
     is_beyond_limit: bool = False
     """More of its source than a rule admits in a second have come before."""
+    dscp: int = 0
 
 
 class Walk:
@@ -41,7 +42,7 @@ class Walk:
         self._addresses = _grouped(export, "/ip/firewall/address-list", "address")
 
     def verdict(self, chain: str, packet: Packet) -> tuple[str, str]:
-        """Return accept or drop, and the comment of the row that decided; no row means accept."""
+        """Return accept, drop or reject, and the comment of the row that decided; no row means accept."""
         return self._chain(self.rows, chain, packet) or ("accept", "end of chain")
 
     def accepts(self, chain: str, packet: Packet) -> bool:
@@ -59,7 +60,7 @@ class Walk:
             if row.get("chain") != chain or not self._matches(row, packet):
                 continue
             action = row.get("action")
-            if action in ("accept", "drop"):
+            if action in ("accept", "drop", "reject"):
                 return action, str(row.get("comment"))
             if action == "return":
                 return None
@@ -98,6 +99,7 @@ class Walk:
             "connection-state": lambda: packet.state in wanted.split(","),
             "dst-limit": lambda: not packet.is_beyond_limit,
             "connection-nat-state": lambda: wanted in packet.nat_state,
+            "dscp": lambda: packet.dscp == int(wanted),
         }
         assert name in known, f"the walk does not know the matcher {name}"
         return known[name]() != value.startswith("!")

@@ -14,6 +14,7 @@ from test_render_text import parsed
 
 from atlantis_netcfg.declaration.model import AllowedTarget, BearerKind, Router
 from atlantis_netcfg.declaration.satellite_allow_list import allowed as admitted
+from atlantis_netcfg.render import router_view
 
 STATES = ("new", "established", "related", "invalid", "untracked")
 WITH_SATELLITE = ("coastal", "te4sea")
@@ -182,7 +183,7 @@ def test_technician_reaches_the_robots(site: str) -> None:
 @pytest.mark.parametrize("site", SITES)
 def test_nothing_is_fasttracked(site: str) -> None:
     actions = {row.get("action") for row in WALKS[site].rows}
-    assert actions <= {"accept", "drop", "jump", "return", "log"}
+    assert actions <= {"accept", "drop", "reject", "jump", "return", "log"}
 
 
 @for_each_row("site", SITES)
@@ -411,3 +412,32 @@ def test_routers_ping_each_other_over_the_bridge() -> None:
     for site, arrives, src in (("scc", "ether2", "10.10.0.2"), ("coastal", "ether1", "10.10.0.1")):
         assert WALKS[site].accepts("input", Packet(src, "10.10.0.1", arrives, "", "icmp"))
         assert not WALKS[site].accepts("input", Packet("192.0.2.9", "10.10.0.1", arrives, "", "icmp"))
+
+
+@pytest.mark.parametrize("site", WITH_SATELLITE)
+def test_the_router_refuses_the_echo_that_asks_for_dds(site: str) -> None:
+    """On links that DDS may not cross, in every state of a connection, and nothing else that has its mark."""
+    ports = {link.name: link.port for link in router_view(DECLARED, DECLARED.router(site)).uplinks}
+    robot = str(DECLARED.sites[site].lan.network[10])
+    for name, port in ports.items():
+        for state in STATES:
+            echo = Packet(robot, "203.0.113.2", "bridge-lan", port, "icmp", state=state, dscp=1)
+            refused = WALKS[site].verdict("forward", echo) == ("reject", f"atlantis: no DDS over {name}")
+            assert refused is (name == "satellite"), (name, state)
+        vpn = Packet(robot, "203.0.113.2", "bridge-lan", port, "udp", 1194, dscp=1)
+        assert WALKS[site].accepts("forward", vpn), name
+        plain = Packet(robot, "203.0.113.2", "bridge-lan", port, "icmp")
+        assert WALKS[site].verdict("forward", plain)[0] != "reject", name
+
+
+def test_dds_is_kept_off_metered_links_unless_it_is_declared() -> None:
+    def refused(**update: object) -> list[str]:
+        bearers = tuple(each.model_copy(update=update) for each in DECLARED.sites["coastal"].bearers)
+        walk = Walk(parsed("coastal", with_site(DECLARED, "coastal", bearers=bearers)))
+        return [str(row.get("comment")) for row in walk.rows if row.get("action") == "reject"]
+
+    names = {name: f"atlantis: no DDS over {name}" for name in ("wifi-ptp", "4g", "satellite")}
+    assert refused(dds=None) == [names["4g"], names["satellite"]]
+    assert refused(dds=None, metered=False, billing=None) == []
+    assert refused(dds=True) == []
+    assert refused(dds=False) == list(names.values())

@@ -47,6 +47,7 @@ class Packet:
     in_port: int | None = None
     out_interface: int | None = None
     out_port: int | None = None
+    dscp: str = "0"
 
 
 def walk(  # noqa: PLR0913 - one packet, and where it is
@@ -146,6 +147,7 @@ _PORT_MATCHERS = {
 }
 _FIELDS = {
     "connection-state": "state",
+    "dscp": "dscp",
     "protocol": "protocol",
     **_ADDRESSES,
     **_ADDRESS_LISTS,
@@ -160,7 +162,6 @@ _UNDECIDED = (
     "connection-rate",
     "connection-type",
     "content",
-    "dscp",
     "dst-limit",
     "fragment",
     "hotspot",

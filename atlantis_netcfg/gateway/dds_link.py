@@ -1,0 +1,66 @@
+"""Keep the DDS of a gateway off the links of its site that no DDS may cross.
+
+The gateway cannot see which link carries its traffic, but its router can: the router refuses a certain echo exactly
+where DDS may not go (templates/routeros/parts/firewall.rsc.j2). A unit sends that echo all the time, and the firewall
+of the gateway drops DDS before the tunnel while refusals come. So the tunnel stays idle, and its keep-alives go on.
+
+A mark on the packets that the router would drop is no way: `passtos` of OpenVPN leaves the mark of the last packet on
+all that follows, its pings and handshakes too, and a dropped packet counts as sent, so that no ping would be due.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration.model import ServerComputer
+from atlantis_netcfg.gateway.parts import Configuration, File, Unit
+from atlantis_netcfg.gateway.reflector import taken_away
+from atlantis_netcfg.render import environment
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration, Host
+
+SERVICE = "atlantis-dds-link.service"
+_UNIT = f"/etc/systemd/system/{SERVICE}"
+
+
+@dataclass(frozen=True, slots=True)
+class DdsLink:
+    """How a gateway learns whether DDS may cross the link in use."""
+
+    endpoint: str
+    """Where the echoes are sent; they get two hops far."""
+    server: str
+    """The VPN's server in the tunnel."""
+    interface: str = "tun0"
+    every_s: int = 5
+    remembered_s: int = 12
+    """A refusal counts for so long: two echoes may be lost."""
+
+
+def links_without_dds(declaration: Declaration, site: str) -> tuple[str, ...]:
+    """Links of a site over which its computers send no DDS."""
+    dds = declaration.pilot.dds
+    if dds is None or declaration.router_of(site) is None:
+        return ()
+    return tuple(bearer.name for bearer in declaration.sites[site].bearers if not bearer.carries(dds))
+
+
+def dds_link(declaration: Declaration, host: Host) -> DdsLink | None:
+    """Of a computer with a tunnel, at a site with such links."""
+    assert isinstance(host.device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
+    if host.device.vpn_address is None or not links_without_dds(declaration, host.site):
+        return None
+    vpn = declaration.pilot.vpn
+    return DdsLink(str(vpn.endpoint), str(next(vpn.network.hosts())))
+
+
+def dds_link_unit(link: DdsLink | None) -> Configuration:
+    """Pure. What asks the router; None: what is taken away."""
+    away = taken_away("stop asking whether DDS may cross the link in use", SERVICE)
+    if link is None:
+        return Configuration(absent=(_UNIT,), steps=(away,))
+    text = environment().get_template("gateway/dds-link.service.j2").render(link=link)
+    unit = Unit(SERVICE, enabled=True, active=True, after=(_UNIT,))
+    return Configuration(files=(File(_UNIT, text),), steps=(away,), units=(unit,))
