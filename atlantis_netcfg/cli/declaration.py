@@ -84,7 +84,7 @@ def _confirm(declaration: Declaration, warnings: Sequence[Finding], arguments: A
     print(translate(f"{declaration.root}: no errors"))
     for name, some in checked.items():
         print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
-    _tell_warnings(declaration, warnings)
+    _tell_warnings(warnings)
     _tell_examples(declaration, lists_all=arguments.flag("examples"))
     return ExitCode.DONE
 
@@ -95,8 +95,7 @@ def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
     What links carry is worked out only where a budget is declared, or what a vehicle publishes.
     """
     found = declaration.warnings
-    bearers = (bearer for site in declaration.sites.values() for bearer in site.bearers)
-    if any(bearer.standing_budget_mb is not None or bearer.standing_budget_eur is not None for bearer in bearers):
+    if any(bearer.has_standing_budget for site in declaration.sites.values() for bearer in site.bearers):
         from atlantis_netcfg.operations.standing import inventory_warnings
 
         found = inventory_warnings(declaration)
@@ -108,20 +107,11 @@ def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
     return found
 
 
-def _tell_warnings(declaration: Declaration, warnings: Sequence[Finding]) -> None:
+def _tell_warnings(warnings: Sequence[Finding]) -> None:
     from atlantis_netcfg.declaration import report
 
     if warnings:
         print(translate(report(warnings, warnings=True)))
-    missing = [
-        f"{bearer.name} of {site}"
-        for site, declared in declaration.sites.items()
-        for bearer in declared.bearers
-        if bearer.metered and bearer.standing_budget_mb is None and bearer.standing_budget_eur is None
-    ]
-    if missing:
-        print(translate(f"note: no budget for what goes by itself over {', '.join(missing)}:"))
-        print(translate("      docs/cost.md says how to see how much that is, and how to declare one"))
 
 
 def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import ServerComputer
+from atlantis_netcfg.declaration.model import ServerComputer, VpnServer
 from atlantis_netcfg.gateway.parts import Configuration, File, Unit
 from atlantis_netcfg.gateway.reflector import taken_away
 from atlantis_netcfg.render import environment
@@ -53,7 +53,9 @@ def dds_link(declaration: Declaration, host: Host) -> DdsLink | None:
     if host.device.vpn_address is None or not links_without_dds(declaration, host.site):
         return None
     vpn = declaration.pilot.vpn
-    return DdsLink(str(vpn.endpoint), str(next(vpn.network.hosts())))
+    server = declaration.hosts[vpn.server].device
+    assert isinstance(server, VpnServer)  # noqa: S101 - a rule of the declaration
+    return DdsLink(str(vpn.endpoint), str(server.vpn_address or vpn.endpoint))
 
 
 def dds_link_unit(link: DdsLink | None) -> Configuration:

@@ -253,7 +253,7 @@ class Meter:
     def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:
         """Look at the active route, then at what the plan would send: whether it is agreed to, and below the cap."""
         self.active = active_bearer(seen.rows.get("/ip/route", ()), ways_of(self.declaration, self.host))
-        notes = tuple(self._elsewhere())
+        notes = (*self._elsewhere(), *self._without_budget())
         if not self.link.metered or estimate is None:
             return Admission(notes)
         self.expected = preview(estimate.wire_bytes, estimate.seconds, self.link)
@@ -291,6 +291,12 @@ class Meter:
         except NetcfgError as failure:
             notes.append(str(failure))
         return {"notes": notes, "cost": self._cost(spent, router)}
+
+    def _without_budget(self) -> Iterator[str]:
+        """Name the metered links of a router that have no budget for what goes by itself."""
+        for bearer in self.declaration.sites[self.host.site].bearers if isinstance(self.host.device, Router) else ():
+            if bearer.metered and not bearer.has_standing_budget:
+                yield f"WARN: no budget is declared for what goes over {bearer.name} by itself; docs/cost.md"
 
     def _elsewhere(self) -> Iterator[str]:
         """Say that the session goes over another link than declared, above all if that is the dearer one."""

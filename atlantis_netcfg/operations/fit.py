@@ -25,6 +25,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import ALL, Finding, choose
 from atlantis_netcfg.declaration.model import TelemetryData
 from atlantis_netcfg.declaration.rules.vehicles import beside_guideline
+from atlantis_netcfg.gateway.dds_link import links_without_dds
 from atlantis_netcfg.operations.costs import links_of
 from atlantis_netcfg.operations.link_capacity import USABLE, Capacity, capacity_of, named_run, newest_run
 from atlantis_netcfg.operations.link_use import bearer_named
@@ -118,6 +119,8 @@ class LinkFit:
     thinned_up_bps: float
     """With the rates at which it fits."""
     thinned_down_bps: float
+    crosses: bool
+    """Whether DDS may go over it; if not, this is what would be if it might."""
 
     @property
     def up_bps(self) -> float:
@@ -146,8 +149,11 @@ class LinkFit:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Of all topics."""
-        return tuple(words for topic in self.topics for words in topic.warnings())
+        """Of the link, then of all topics."""
+        kept_off = (
+            () if self.crosses else (f"DDS does not cross {self.link.name}: it would with `dds: true` at the link",)
+        )
+        return (*kept_off, *(words for topic in self.topics for words in topic.warnings()))
 
     @property
     def verdict(self) -> Verdict:
@@ -282,13 +288,15 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
         )
     named = None if run is None else named_run(stores, site, run)
     links, flows = links_of(declaration, site), {each.link.name: each for each in standing_traffic(declaration, site)}
+    without = links_without_dds(declaration, site)
     fits, days = [], declaration.sites[site].checklist.qualified_within_days
     for bearer in _bearers(declaration, site, link, named):
         kept = named or (newest_run(stores[0], site, bearer) if stores else None)
         capacity = capacity_of(bearer, kept, now, days)
         by_itself = [flow for flow in flows[bearer.name].flows if flow.source is not TrafficSource.TELEMETRY]
         other = sum(flow.up for flow in by_itself) * 8 / DAY_S, sum(flow.down for flow in by_itself) * 8 / DAY_S
-        fits.append(_Link(capacity, profile.messages, subscribers, other).fit(links[bearer.name], topics))
+        carrier = _Link(capacity, profile.messages, subscribers, other, bearer.name not in without)
+        fits.append(carrier.fit(links[bearer.name], topics))
     return VehicleFit(site, vehicle, profile.middleware, subscribers, tuple(fits))
 
 
@@ -304,8 +312,11 @@ def fits_nowhere(declaration: Declaration, now: datetime) -> Iterator[Finding]:
                 continue
             with suppress(NothingMatched):
                 found = vehicle_fit(declaration, (), name, key, now)
-                if not any(link.fits_thinned for link in found.links):
-                    message = f"`{key}` publishes more than any link of {name} carries, also at the lowest useful rates"
+                if not any(link.fits_thinned and link.crosses for link in found.links):
+                    message = (
+                        f"no link of {name} that DDS may cross carries what `{key}` publishes, "
+                        "also at the lowest useful rates"
+                    )
                     hint = f"`provision fit site={name} vehicle={key}` says how much, and what would fit"
                     yield Finding.at(declaration.places[name, site.bearers[0].name], message, hint)
 
@@ -344,12 +355,13 @@ class _Link:
     subscribers: int
     other: tuple[float, float]
     """What it carries besides, up and down, in bit/s."""
+    crosses: bool
 
     def fit(self, link: MeteredLink, topics: Sequence[TelemetryTopic]) -> LinkFit:
         rates = self._thinned(topics)
         up, down = self._load(topics, rates)
         fits = tuple(self._topic(topic, rate) for topic, rate in zip(topics, rates, strict=True))
-        return LinkFit(link, self.capacity, fits, *self.other, up, down)
+        return LinkFit(link, self.capacity, fits, *self.other, up, down, self.crosses)
 
     def _cost(self, topic: TelemetryTopic, rate_hz: float) -> MessageCost:
         return self.messages.cost(replace(steady(topic), rate_hz=rate_hz), self.capacity.pace)

@@ -38,12 +38,13 @@ from atlantis_netcfg.bearers.standing import (
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Finding
 from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, Router, Switch
+from atlantis_netcfg.declaration.rules.satellite import BUDGET_HINT
 from atlantis_netcfg.gateway.dds import profile_in_use
 from atlantis_netcfg.gateway.dds_link import links_without_dds
 from atlantis_netcfg.operations.costs import links_of
 from atlantis_netcfg.render import router_view
 from atlantis_netcfg.vpn.client import site_link
-from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS
+from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, ROUTEROS_RENEGOTIATION_S, TIMERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -135,7 +136,8 @@ def _through_the_vpn(declaration: Declaration, site: str, bearer: Bearer) -> Ite
     idle = keep_alive(ping_s, RENEGOTIATION_S, None, None)
     busy = keep_alive(ping_s, RENEGOTIATION_S, every_s, every_s)
     if router is not None and isinstance(router.device, Router) and router.device.vpn_client is not None:
-        yield busy if over_lan else idle
+        own_s = every_s if over_lan else None
+        yield keep_alive(ping_s, ROUTEROS_RENEGOTIATION_S, own_s, own_s)
     gateways = [host for host in declaration.site_hosts(site) if getattr(host.device, "vpn_address", None) is not None]
     yield from (busy if crosses and not over_lan else idle for _ in gateways)
     yield from (busy for _ in foreign if not over_lan)
@@ -220,7 +222,9 @@ def declared_pace(bearer: Bearer) -> LinkPace:
 
 
 def over_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding | None:
-    """Compare what goes over a bearer by itself with what is declared for it; None: it keeps to that, or nothing is."""
+    """Compare what goes over a bearer by itself with what is declared for it; None: it keeps to that, or is free."""
+    if bearer.metered and not bearer.has_standing_budget and traffic.month_bytes:
+        return _without_budget(bearer, traffic)
     budgets = []
     if bearer.standing_budget_mb is not None and traffic.month_bytes > bearer.standing_budget_mb * 1_000_000:
         budgets.append(f"{bearer.standing_budget_mb:g} MB (`standing_budget_mb`)")
@@ -237,12 +241,18 @@ def over_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding | Non
     return BearerFinding(Verdict.WARN, "standing-over-budget", message, hint)
 
 
+def _without_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding:
+    amount = f"{size(traffic.month_bytes)} a month ({traffic.bill.money})"
+    message = f"no budget is declared for what goes over {bearer.name} by itself: {amount}"
+    return BearerFinding(Verdict.WARN, "no-standing-budget", message, BUDGET_HINT)
+
+
 def inventory_warnings(declaration: Declaration) -> tuple[Finding, ...]:
     """The declaration's own warnings, and every bearer that is over its budget, by place."""
     found = list(declaration.warnings)
     for name, site in declaration.sites.items():
         for bearer, traffic in zip(site.bearers, standing_traffic(declaration, name), strict=True):
-            over = over_budget(bearer, traffic)
+            over = over_budget(bearer, traffic) if bearer.has_standing_budget else None
             if over is not None:
                 found.append(Finding.at(declaration.places[name, bearer.name], over.message, over.hint or ""))
     return tuple(sorted(found))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.declaration.model import Pace, SiteComputer, Transport, VpnServer
 from atlantis_netcfg.gateway.parts import Brought, Configuration, File, Package, Unit
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
+from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS, MemberLink
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -108,6 +108,7 @@ def _conf(declaration: Declaration, host: Host) -> str:
         "retry_max_s": _RETRY_MAX_S[link],
         "ping_s": ping_s,
         "ping_restart_s": ping_restart_s,
+        "renegotiation_s": RENEGOTIATION_S,
         "slow": link is MemberLink.SATELLITE,
         "exit_notify": udp,
     }

@@ -63,12 +63,15 @@ class MemberLink(StrEnum):
 TIMERS: Mapping[MemberLink, tuple[int, int]] = {
     MemberLink.FIBRE: (10, 60),
     MemberLink.LTE: (25, 120),
-    MemberLink.SATELLITE: (60, 300),
+    MemberLink.SATELLITE: (170, 600),
 }
-"""`ping` and `ping-restart` in seconds. Satellite: 0.2 MB a day, gaps of 70 s are outlived (facts 9); 4G [inferred]:
-mobile networks forget a silent UDP flow after half a minute."""
-RENEGOTIATION_S = 3600
-"""A session gets new keys so often: `reneg-sec` of the server, and OpenVPN's default at the members."""
+"""`ping` and `ping-restart` in seconds. Satellite: 69 kB a day, and RouterOS forgets a silent UDP stream after 180 s;
+4G [inferred]: mobile networks forget a silent UDP flow after half a minute."""
+RENEGOTIATION_S = 24 * 3600
+"""A session gets new keys so often: `reneg-sec` of the server and of each member that takes it. Whoever is revoked is
+cut at once by the server's management interface, which does not wait for new keys (facts 5)."""
+ROUTEROS_RENEGOTIATION_S = 3600
+"""RouterOS has no such option: it is taken to do as OpenVPN does by default."""
 
 
 class Wrap(StrEnum):

@@ -260,6 +260,11 @@ class Bearer(Model):
         return dds.over is DdsPath.LAN or (not self.metered if self.dds is None else self.dds)
 
     @property
+    def has_standing_budget(self) -> bool:
+        """Whether it is declared what may go over it by itself."""
+        return self.standing_budget_mb is not None or self.standing_budget_eur is not None
+
+    @property
     def canary_budget_bytes(self) -> float | None:
         """What its canaries may take in 30 days, answers included; None: nothing is declared."""
         most = [] if self.canary_budget_mb is None else [self.canary_budget_mb * 1e6]

@@ -207,7 +207,7 @@ def _vehicles(writer: InventoryWriter) -> None:
     rows: dict[str, Tree] = {}
     for key, vehicle in writer.vehicles.items():
         partner = vehicle.get("partner")
-        row = {name: value for name, value in vehicle.items() if name != "endpoints"}
+        row = {name: value for name, value in vehicle.items() if name not in {"endpoints", "telemetry"}}
         row["partner"] = partner if partner in writer.answers.pilot.partners else None
         row["aliases"] = tuple(vehicle.get("aliases", ()))
         row["table3"] = tuple(vehicle["table3"])

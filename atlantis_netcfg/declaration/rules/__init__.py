@@ -69,5 +69,5 @@ RULES: tuple[Rule, ...] = (
     *secrets.RULES,
 )
 
-WARNINGS: tuple[Rule, ...] = (*lan.WARNINGS, *vehicles.WARNINGS)
+WARNINGS: tuple[Rule, ...] = (*lan.WARNINGS, *satellite.COST_WARNINGS, *vehicles.WARNINGS)
 """What is allowed, and yet not as it should be: it stops nothing."""

@@ -212,6 +212,17 @@ def a_budget_of_canaries_is_of_use(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("site", name), path, message, hint)
 
 
+def metered_links_have_a_budget(draft: Draft) -> Iterator[Finding]:
+    """What goes over a metered link by itself is paid for every day, so somebody says how much it may be."""
+    for name, index, bearer in _bearers(draft):
+        if bearer.metered and not bearer.has_standing_budget:
+            message = f"no budget is declared for what goes over {bearer.name} by itself"
+            yield draft.wrong(Part("site", name), ("bearers", index), message, BUDGET_HINT)
+
+
+BUDGET_HINT = "add `standing_budget_mb:` to the link, or `standing_budget_eur:` if its tariff is in EUR"
+
+
 def _bearers(draft: Draft) -> Iterator[tuple[str, int, Bearer]]:
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
@@ -225,3 +236,4 @@ COST_RULES: tuple[Rule, ...] = (
     a_budget_in_euro_has_a_tariff,
     a_budget_of_canaries_is_of_use,
 )
+COST_WARNINGS: tuple[Rule, ...] = (metered_links_have_a_budget,)

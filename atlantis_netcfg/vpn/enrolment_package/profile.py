@@ -28,6 +28,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import Transport, VpnServer
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.vpn.identity import (
+    RENEGOTIATION_S,
     Certificate,
     CertificateStatus,
     Identity,
@@ -202,6 +203,7 @@ class _OvpnView:
     retry_max_s: int
     slow: bool
     blocks: Secret
+    renegotiation_s: int = RENEGOTIATION_S
 
 
 def profile(declaration: Declaration, identity: Identity) -> Secret:

@@ -1,6 +1,7 @@
 """`provision dds`: files written whole and once, printed, or told as JSON."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -66,6 +67,8 @@ def test_a_pilot_without_dds(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     shutil.copytree(SHIPPED, tmp_path / "inventory")
     pilot = tmp_path / "inventory" / "group_vars" / "all" / "pilot.yml"
     pilot.write_text(pilot.read_text().partition("  dds:")[0])
+    vehicles = pilot.with_name("vehicles.yml")
+    vehicles.write_text(re.sub(r"\n    telemetry:.*(\n      - .*)+", "", vehicles.read_text()))
     assert main([*LINE[:3], f"inventory={tmp_path / 'inventory'}"]) == ExitCode.USAGE
     assert capsys.readouterr().err == (
         "error: the pilot declares no DDS\n       write `dds: {distribution: foxy}` below `pilot:`\n"

@@ -1,6 +1,7 @@
 """`provision validate`: what it says, where it says it, and how it ends."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -19,10 +20,8 @@ inventory: no errors
    13 hosts     3 router, 2 cpe, 1 vpn_server, 1 control_centre, 2 lte_router, 2 satellite_terminal, 2 gateway
     6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
     6 partners  inesc, iqua, eca, udg, vtt, spaceapps
-note: no budget for what goes by itself over 4g of coastal, satellite of coastal, 4g of te4sea, satellite of te4sea:
-      docs/cost.md says how to see how much that is, and how to declare one
 It still holds example values: only rehearsals use it (`provision site=scc --rehearse`).
-434 values are examples: `provision validate --examples` lists them.
+454 values are examples: `provision validate --examples` lists them.
 """
 WRONG = """\
 inventory/host_vars/te4sea-router.yml:8:92: `satelite` is no bearer of `te4sea`
@@ -57,8 +56,8 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     said = json.loads(capsys.readouterr().out)
     assert said.pop("revision")
     examples = said.pop("examples")
-    assert len(examples) == 434
-    assert {"file": "inventory/group_vars/coastal.yml", "line": 52, "column": 31, "key": "price_per_mb"} in [
+    assert len(examples) == 454
+    assert {"file": "inventory/group_vars/coastal.yml", "line": 53, "column": 31, "key": "price_per_mb"} in [
         {key: value for key, value in example.items() if key != "recognised"} for example in examples
     ]
     assert said == {
@@ -77,10 +76,10 @@ def test_every_example_is_listed_with_its_place(capsys: pytest.CaptureFixture[st
     assert words == ["validate", "--examples"]
     assert main([*words, "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out.splitlines()
-    keys = "`price_per_mb`, `min_session_bytes`, `floor_bytes_per_s`, `floor_after_s`"
-    assert f"  group_vars/coastal.yml:52 {keys}" in said
+    keys = "`price_per_mb`, `min_session_bytes`"
+    assert f"  group_vars/coastal.yml:53 {keys}" in said
     assert "  host_vars/coastal-4g.yml:14 `bands`" in said
-    assert said[-1] == "434 values are examples."
+    assert said[-1] == "454 values are examples."
 
 
 def test_the_checkouts_own_inventory_is_the_default(capsys: pytest.CaptureFixture[str]) -> None:
@@ -95,11 +94,22 @@ def test_warnings_stop_nothing(inventory: Path, capsys: pytest.CaptureFixture[st
     assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out
     assert "1 warning in the inventory; no device was contacted" in said
-    assert "over 4g of coastal, 4g of te4sea, satellite of te4sea:" in said
     assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.DONE
     (warning,) = json.loads(capsys.readouterr().out)["warnings"]
-    assert (warning["file"], warning["line"]) == ("inventory/group_vars/coastal.yml", 43)
+    assert (warning["file"], warning["line"]) == ("inventory/group_vars/coastal.yml", 44)
     assert warning["message"].startswith("by itself ")
+    without_budgets(inventory)
+    assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
+    said = capsys.readouterr().out
+    for link in ("4g", "satellite"):
+        assert said.count(f"no budget is declared for what goes over {link} by itself") == 2
+    assert "4 warnings in the inventory; no device was contacted" in said
+
+
+def without_budgets(inventory: Path) -> None:
+    for site in ("coastal", "te4sea"):
+        path = inventory / "group_vars" / f"{site}.yml"
+        path.write_text(re.sub(r"\n *standing_budget_.*", "", path.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 @pytest.mark.usefixtures("invalid")
@@ -135,9 +145,14 @@ def test_nothing_to_check(capsys: pytest.CaptureFixture[str]) -> None:
     ]
 
 
-def test_it_imports_only_what_reads_and_checks_a_declaration() -> None:
+def test_it_imports_only_what_reads_and_checks_a_declaration(inventory: Path) -> None:
+    """Where nothing has to be worked out of what links carry."""
+    without_budgets(inventory)
+    vehicles = inventory / "group_vars" / "all" / "vehicles.yml"
+    silent = re.sub(r"\n    telemetry:.*(\n      - .*)+", "", vehicles.read_text(encoding="utf-8"))
+    vehicles.write_text(silent, encoding="utf-8")
     program = (
-        "import sys; from atlantis_netcfg.cli import main; code = main(['validate']);"
+        "import sys; from atlantis_netcfg.cli import main; code = main(['validate', 'inventory=inventory']);"
         "print(*sys.modules, file=sys.stderr); sys.exit(code)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

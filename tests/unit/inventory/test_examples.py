@@ -61,7 +61,7 @@ def test_who_replaces_the_texts_alone_keeps_no_number_silently(inventory: Path) 
     path.write_text(path.read_text(encoding="utf-8").replace("example_values: true", "example_values: false"), "utf-8")
     told = [f"{finding.file}:{finding.line} {finding.message}" for finding in validate(inventory)]
     for place, key in (
-        ("group_vars/coastal.yml:51", "price_per_mb"),
+        ("group_vars/coastal.yml:53", "price_per_mb"),
         ("host_vars/coastal-4g.yml:14", "bands"),
         ("host_vars/coastal-cpe.yml:16", "frequency_mhz"),
         ("group_vars/all/vehicles.yml:26", "acoustic_address"),

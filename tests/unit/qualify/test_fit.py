@@ -14,7 +14,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import KEY_OCTETS, LinkThresholds, Qualify, TelemetryTopic, ThresholdsName
 from atlantis_netcfg.journal import NoSuchRun, Store
-from atlantis_netcfg.operations.fit import LinkFit, VehicleFit, vehicle_fit
+from atlantis_netcfg.operations.fit import LinkFit, VehicleFit, fits_nowhere, vehicle_fit
 from atlantis_netcfg.operations.link_capacity import USABLE
 from atlantis_netcfg.operations.standing import standing_traffic
 from atlantis_netcfg.qualify.judgement import QualifyProfile, profiles
@@ -30,7 +30,26 @@ SONAR = {"topic": "/sonar", "data": "point_clouds", "rate_hz": 0.5, "size_bytes"
 
 @pytest.fixture(scope="module")
 def shipped() -> Declaration:
-    return load(SHIPPED)
+    """DDS crosses every link of the coastal site, and nobody publishes anything yet."""
+    declaration = load(SHIPPED)
+    coastal = declaration.sites["coastal"]
+    bearers = tuple(bearer.model_copy(update={"dds": True}) for bearer in coastal.bearers)
+    silent = {name: each.model_copy(update={"telemetry": ()}) for name, each in declaration.vehicles.items()}
+    sites = {**declaration.sites, "coastal": coastal.model_copy(update={"bearers": bearers})}
+    return replace(declaration, vehicles=silent, sites=sites)
+
+
+def test_a_link_that_dds_may_not_cross_is_told(tmp_path: Path) -> None:
+    """It is said what would go over it; that it fits there is no reason to leave a warning out."""
+    declaration = load(SHIPPED)
+    links = fit(declaration, tmp_path, POSE).links
+    told = "DDS does not cross satellite: it would with `dds: true` at the link"
+    assert [told in link.warnings for link in links] == [False, False, True]
+    slow = declaration.sites["coastal"].bearers[-1]
+    only = declaration.sites["coastal"].model_copy(update={"bearers": (slow,)})
+    alone = publishing(replace(declaration, sites={**declaration.sites, "coastal": only}), POSE)
+    told = "no link of coastal that DDS may cross carries what `sparus` publishes, also at the lowest useful rates"
+    assert told in [found.message for found in fits_nowhere(alone, NOW)]
 
 
 def publishing(declaration: Declaration, *topics: dict[str, Any]) -> Declaration:

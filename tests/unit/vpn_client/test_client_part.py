@@ -87,7 +87,7 @@ def test_outside_the_vpn_everything_of_it_is_taken_away() -> None:
 @pytest.mark.parametrize(
     ("lacking", "link", "ping", "retry", "slow"),
     [
-        ((), MemberLink.SATELLITE, ("60", "300"), "5 900", "slow"),
+        ((), MemberLink.SATELLITE, ("170", "600"), "5 900", "slow"),
         ((BearerKind.SATELLITE,), MemberLink.LTE, ("25", "120"), "5 300", ""),
         ((BearerKind.SATELLITE, BearerKind.LTE), MemberLink.FIBRE, ("10", "60"), "5 300", ""),
     ],

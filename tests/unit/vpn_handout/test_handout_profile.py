@@ -46,6 +46,7 @@ def test_a_laptop(declaration: Declaration) -> None:
             for word in ("route ", "route-ipv6 ", "redirect-", "dhcp-option ", "ifconfig-ipv6 ")
         ),
         "connect-retry 5 300",
+        "reneg-sec 86400",
         "verb 3",
     ]
 
