@@ -106,11 +106,12 @@ def pilot(*links: str) -> Declaration:
     bearers = tuple(one.model_copy(update={"dds": one.name in links}) for one in coastal.bearers)
     dds = Dds(distribution=RosDistribution.HUMBLE, middleware=RosMiddleware.CYCLONE_DDS)
     topic = TelemetryTopic(topic="/proof", data=TelemetryData.NUMBERS, rate_hz=_WORD_HZ, size_bytes=_WORD_BYTES)
+    silent = {name: one.model_copy(update={"telemetry": ()}) for name, one in declaration.vehicles.items()}
     sparus = declaration.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
     return replace(
         declaration,
         pilot=declaration.pilot.model_copy(update={"dds": dds}),
-        vehicles={**declaration.vehicles, "sparus": sparus},
+        vehicles={**silent, "sparus": sparus},
         sites={**declaration.sites, "coastal": coastal.model_copy(update={"bearers": bearers})},
     )
 

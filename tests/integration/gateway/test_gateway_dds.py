@@ -70,6 +70,7 @@ def test_profiles_come_change_and_go_and_what_hinders_them_is_told(stand: Stand)
 
     stand.gateway.put("/etc/atlantis/dds/wifi-ptp/left-behind.xml", "<dds/>\n")
     stand.declare({"dds": None, "gateways": None})
+    stand.publish_nothing()
     assert {change.split()[0] for change in stand.run()["changes"]} == {"absent", "unit"}
     assert stand.gateway.run(
         "find /etc/atlantis /etc/profile.d -name '*atlantis*' -o -name '*.xml'"

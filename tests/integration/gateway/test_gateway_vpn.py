@@ -132,5 +132,6 @@ def test_a_gateway_joins_is_refused_and_comes_back(stand: Stand, vpn: Vpn) -> No
     # Who is no member any more keeps nothing of it.
     stand.declare({"vpn_address": None}, f"host_vars/{HOST}.yml", "device")
     stand.declare({"dds": None, "gateways": None})
+    stand.publish_nothing()
     gone = stand.run()["changes"]
     assert {f"absent {IDENTITY}", f"absent {CONF}", f"unit {SERVICE} disabled", f"unit {SERVICE} stopped"} <= {*gone}
