@@ -226,7 +226,7 @@ def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str
 
 
 def _metered(opened: CommandSession, name: str) -> bool:
-    from atlantis_netcfg.operations.costs import link_of
+    from atlantis_netcfg.operations.site_links import link_of
 
     return link_of(opened.declaration, opened.site, name).metered
 

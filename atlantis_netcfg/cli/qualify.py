@@ -278,7 +278,7 @@ def _link(
 
 def _capped(opened: CommandSession, bearer: Bearer, limits: BudgetLimits) -> BudgetLimits:
     """Within the cap of a metered link, whatever a person allows; a limit in EUR needs a tariff, and means it alone."""
-    from atlantis_netcfg.operations.costs import link_of
+    from atlantis_netcfg.operations.site_links import link_of
 
     link = link_of(opened.declaration, opened.site, bearer.name)
     bounds = [each for each in (limits.max_bytes, link.cap_bytes) if each is not None]
@@ -308,8 +308,8 @@ def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limit
     """What a link costs at most: the whole plan, or the limits where these are less. Raises CostRefused."""
     from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.operations.costs import link_of
     from atlantis_netcfg.operations.qualify.plan import planned
+    from atlantis_netcfg.operations.site_links import link_of
 
     link = link_of(opened.declaration, opened.site, bearer.name)
     far = _far_end(opened.declaration, opened.arguments)

@@ -119,7 +119,6 @@ def _rehearse(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._rehearse import announce
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core.errors import ExitCode, UsageError
-    from atlantis_netcfg.operations.link_use import bearer_named
     from atlantis_netcfg.operations.retrieve import RetrievalSelection, plan, source_at
     from atlantis_netcfg.operations.retrieve_rehearsed import (
         NOT_REHEARSED,
@@ -127,6 +126,7 @@ def _rehearse(arguments: Arguments) -> ExitCode:
         rehearsed_transfer,
         with_example,
     )
+    from atlantis_netcfg.operations.site_links import bearer_named
 
     if more := _typed(arguments, "files", "via", "order"):
         raise UsageError(
@@ -191,8 +191,8 @@ def _nothing(opened: CommandSession, program: RetrievalProgram, look: dict[str, 
 
 def _planned(opened: CommandSession, source: Source, look: dict[str, Any]) -> RetrievalPlan:
     """Over the link that a person names, or that the router says is in use. Raises UsageError, DeviceFailed."""
-    from atlantis_netcfg.operations.link_use import bearer_named
     from atlantis_netcfg.operations.retrieve import plan
+    from atlantis_netcfg.operations.site_links import bearer_named
 
     named = opened.arguments.optional("link")
     bearers = opened.declaration.sites[opened.site].bearers

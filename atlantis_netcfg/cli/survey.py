@@ -212,7 +212,7 @@ def _paid(opened: CommandSession, link: Bearer, plan: SurveyPlan) -> None:
     """Say what it may cost, and return when somebody pays. Raises CostRefused."""
     from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.cli._consent import pay
-    from atlantis_netcfg.operations.costs import link_of
+    from atlantis_netcfg.operations.site_links import link_of
 
     metered = link_of(opened.declaration, opened.site, link.name)
     if not metered.metered or opened.arguments.flag("radio-only"):

@@ -65,8 +65,9 @@ USE = CommandSpec(
 def run_use(arguments: Arguments) -> ExitCode:
     """Look at the link, show what would change and what it may cost, ask, change, and say when it ends."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.operations.link_use import UseRequest, bearer_named, router_of
+    from atlantis_netcfg.operations.link_use import UseRequest, router_of
     from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.operations.site_links import bearer_named
 
     site, unproved = arguments.word("site"), arguments.flag("unproved")
     for_s = _for_s(arguments)
@@ -159,7 +160,7 @@ def _end(opened: CommandSession) -> RunReport:
 def _pay(opened: CommandSession, use_request: UseRequest) -> None:
     """Tell what the traffic of the site may cost over the link, and return when somebody pays. Raises CostRefused."""
     from atlantis_netcfg.cli._consent import pay
-    from atlantis_netcfg.operations.costs import link_of
+    from atlantis_netcfg.operations.site_links import link_of
 
     link = link_of(opened.declaration, opened.site, use_request.bearer.name)
     if not link.metered or opened.arguments.flag("plan"):

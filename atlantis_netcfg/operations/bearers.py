@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.site_links import CABLE
 from atlantis_netcfg.routeros.estimate import BearerProfile
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ PATIENCE_S: Final = 15.0
 _REPLY_S: Final = 60.0
 """For an answer over such a link: a small board works for some seconds on a script, or waits for its flash."""
 
-LAN = BearerProfile(name="lan", rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, metered=False)
+LAN = BearerProfile(name=CABLE, rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, metered=False)
 """The technician's cable: an ordinary 100 Mbit/s port."""
 
 

@@ -7,18 +7,18 @@ first byte, a `Meter` stands beside each device's run, and `Costs.told` is the b
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from decimal import Decimal
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.bearers.cost import ACCEPT, Bill, CostRefused, MeteredLink, Preview, Tariff, bill, preview, size
+from atlantis_netcfg.bearers.cost import ACCEPT, Bill, CostRefused, MeteredLink, Preview, bill, preview, size
 from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.declaration.model import Bearer, LteDriver, LteRouter, Router, SshHost
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter, Router, SshHost
 from atlantis_netcfg.journal import CostCounted, Counters, Recorder, Store
 from atlantis_netcfg.operations import request as requests
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.site_links import link_of, links_of
 from atlantis_netcfg.routeros.apply import Admission, DeviceJob, DeviceResult
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import Estimate, on_the_wire
@@ -31,17 +31,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed
 
 _MB: Final = 1_000_000
-
-
-def links_of(declaration: Declaration, site: str) -> Mapping[str, MeteredLink]:
-    """Every link of a site by its name, the technician's cable among them."""
-    declared = (_link(site, bearer) for bearer in declaration.sites[site].bearers)
-    return {LAN.name: MeteredLink(LAN.name, site, metered=False), **{link.name: link for link in declared}}
-
-
-def link_of(declaration: Declaration, site: str, name: str) -> MeteredLink:
-    """One link of a site. KeyError if it has none of that name: `bearer_of` has looked before."""
-    return links_of(declaration, site)[name]
 
 
 def ways_of(declaration: Declaration, host: Host) -> tuple[BearerRoute, ...]:
@@ -68,22 +57,6 @@ def ports_of(host: Host) -> Mapping[str, str]:
     if not isinstance(host.device, Router):
         return {}
     return {port.name: port.link for port in host.device.ports if port.link is not None}
-
-
-def _link(site: str, bearer: Bearer) -> MeteredLink:
-    billing = bearer.billing if bearer.metered else None
-    tariff = None
-    if billing is not None:
-        tariff = Tariff(
-            price_per_mb=Decimal(str(billing.price_per_mb)),
-            currency=billing.currency,
-            min_session_bytes=billing.min_session_bytes,
-            floor_bytes_per_s=billing.floor_bytes_per_s,
-            floor_after_s=billing.floor_after_s,
-        )
-    return MeteredLink(
-        bearer.name, site, bearer.metered, tariff, round(bearer.cap_mb * _MB) if bearer.metered else None
-    )
 
 
 _TOOL: Final = 60_000

@@ -26,9 +26,8 @@ from atlantis_netcfg.declaration import ALL, Finding, choose
 from atlantis_netcfg.declaration.model import TelemetryData
 from atlantis_netcfg.declaration.rules.vehicles import beside_guideline
 from atlantis_netcfg.gateway.dds_link import links_without_dds
-from atlantis_netcfg.operations.costs import links_of
 from atlantis_netcfg.operations.link_capacity import USABLE, Capacity, capacity_of, named_run, newest_run
-from atlantis_netcfg.operations.link_use import bearer_named
+from atlantis_netcfg.operations.site_links import bearer_named, links_of
 from atlantis_netcfg.operations.standing import (
     control_centres,
     publishing_profile,

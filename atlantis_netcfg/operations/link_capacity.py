@@ -11,10 +11,6 @@ from atlantis_netcfg.bearers.standing import LinkPace
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.journal import NoSuchRun
 from atlantis_netcfg.operations.standing import declared_pace
-from atlantis_netcfg.qualify.budget import IPV4_HEADERS, VPN_HEADERS
-from atlantis_netcfg.qualify.grids import message_bytes
-from atlantis_netcfg.qualify.kept import kept_run, kept_runs, record_of
-from atlantis_netcfg.qualify.messages import MessagePlan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -58,6 +54,8 @@ class Capacity:
 
 def named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
     """A run by its name, of any of the stores. NoSuchRun, StateDamaged."""
+    from atlantis_netcfg.qualify.kept import kept_run  # noqa: PLC0415 - `validate` has no run to read
+
     for store in stores[1:]:
         with suppress(NoSuchRun):
             return kept_run(store, site, run)
@@ -66,6 +64,8 @@ def named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
 
 def newest_run(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
     """The newest real run of a bearer that has filled it, else the newest real one."""
+    from atlantis_netcfg.qualify.kept import kept_runs, record_of  # noqa: PLC0415 - `validate` has no run to read
+
     real = [kept for kept in reversed(kept_runs(store, site, bearer.name)) if not kept.run.emulated]
     return next((kept for kept in real if _carried(record_of(kept), "up") is not None), real[0] if real else None)
 
@@ -75,6 +75,10 @@ def _carried(record: QualifyRecord, way: str) -> float | None:
     row = next((row for row in record.load if row.way == way), None)
     if row is None or row.goodput_bps is None or row.verdict is not Verdict.PASS:
         return None
+    from atlantis_netcfg.qualify.budget import IPV4_HEADERS, VPN_HEADERS  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.qualify.grids import message_bytes  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.qualify.messages import MessagePlan  # noqa: PLC0415 - `validate` has no run to read
+
     headers = IPV4_HEADERS + (VPN_HEADERS if record.run.far_end.over_vpn else 0)
     return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), headers) / row.size
 
@@ -88,6 +92,8 @@ def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime, within_days
     if kept is None:
         doubt = "only the declared rate is known: nobody has measured this link"
         return Capacity(pace, down, None, "declared", doubt=doubt)
+    from atlantis_netcfg.qualify.kept import record_of  # noqa: PLC0415 - `validate` has no run to read
+
     record = record_of(kept)
     measured_up, measured_down, idle = _carried(record, "up"), _carried(record, "down"), record.idle
     rtt_s = pace.rtt_s if idle is None or idle.rtt is None else idle.rtt.p50

@@ -74,18 +74,6 @@ def router_of(declaration: Declaration, site: str) -> Host:
     return router
 
 
-def bearer_named(declaration: Declaration, site: str, name: str) -> Bearer:
-    """Return the link of that name. Raises UsageError, with the near miss."""
-    bearers = {bearer.name: bearer for bearer in declaration.sites[site].bearers}
-    if name not in bearers:
-        near = nearest(name, bearers)
-        listed = f"its links are: {', '.join(bearers)}"
-        raise UsageError(
-            f"`{site}` has no link `{name}`", hint=f"did you mean `link={near}`? {listed}" if near else listed
-        )
-    return bearers[name]
-
-
 @dataclass(frozen=True, slots=True)
 class UseRequest:
     """A link, and for how long."""

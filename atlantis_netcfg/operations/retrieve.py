@@ -22,7 +22,7 @@ from atlantis_netcfg.declaration.model import RetrievalPriority, RetrievalRobot,
 from atlantis_netcfg.gateway.retrieval import PROGRAM, line_for_robot, sources_of
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
-from atlantis_netcfg.operations.costs import link_of
+from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.operations.vpn.link import ssh_command
 
 if TYPE_CHECKING:

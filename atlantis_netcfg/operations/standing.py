@@ -41,7 +41,7 @@ from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, R
 from atlantis_netcfg.declaration.rules.satellite import BUDGET_HINT
 from atlantis_netcfg.gateway.dds import profile_in_use
 from atlantis_netcfg.gateway.dds_link import links_without_dds
-from atlantis_netcfg.operations.costs import links_of
+from atlantis_netcfg.operations.site_links import links_of
 from atlantis_netcfg.render import router_view
 from atlantis_netcfg.vpn.client import site_link
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, ROUTEROS_RENEGOTIATION_S, TIMERS

@@ -37,10 +37,11 @@ from atlantis_netcfg.journal import (
     unrecorded,
 )
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.costs import gate, link_of, unpaid
+from atlantis_netcfg.operations.costs import gate, unpaid
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Mode as RequestMode
 from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, SessionLost
 from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, SshEndpoint, Status, converge
 from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand

@@ -17,11 +17,11 @@ from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.operations.lte import assumptions as rutos
 from atlantis_netcfg.operations.lte.units import LteUnit
+from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire

@@ -22,8 +22,9 @@ from atlantis_netcfg.operations.allow_list_test.site import previews as proof_pr
 from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.costs import beforehand, link_of, unpaid
+from atlantis_netcfg.operations.costs import beforehand, unpaid
 from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.site_links import link_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

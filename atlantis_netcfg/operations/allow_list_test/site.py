@@ -12,8 +12,9 @@ from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
 from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.costs import links_of, ports_of, ways_of
+from atlantis_netcfg.operations.costs import ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.site_links import links_of
 from atlantis_netcfg.routeros.api import Session, Traffic
 from atlantis_netcfg.routeros.estimate import on_the_wire
 

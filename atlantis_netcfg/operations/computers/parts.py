@@ -21,8 +21,9 @@ from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._access import computer_access, is_computer, is_server
-from atlantis_netcfg.operations.costs import gate, link_of
+from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.request import Request, declaration_of, open_request, refuse_examples
+from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import openvpn_server
 

@@ -17,7 +17,7 @@ from atlantis_netcfg.declaration.model import Bearer, Cpe, LteDriver, LteRouter,
 from atlantis_netcfg.journal import Counters, MonthBytes, Store, Usage
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
 from atlantis_netcfg.operations.bearers import FAST_S, LAN, PATIENCE_S, bearer_of
-from atlantis_netcfg.operations.costs import links_of, ways_of
+from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.links.session import PINGS, ReadOnlySession, RouterReading, read_router
@@ -39,6 +39,7 @@ from atlantis_netcfg.operations.links.status import (
     twice,
 )
 from atlantis_netcfg.operations.lte.units import LteUnit
+from atlantis_netcfg.operations.site_links import links_of
 from atlantis_netcfg.operations.standing import over_budget, standing_traffic
 from atlantis_netcfg.report.links import LinksReport
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier

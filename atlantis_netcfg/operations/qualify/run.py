@@ -15,7 +15,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.prove import temporarily
-from atlantis_netcfg.operations.costs import link_of, ports_of
+from atlantis_netcfg.operations.costs import ports_of
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, NothingToQualify, source_in_vpn, source_of
 from atlantis_netcfg.operations.qualify.measure import CUT_OFF, CountedTransport, Measurement
@@ -31,6 +31,7 @@ from atlantis_netcfg.operations.qualify.way import (
     router_words,
     rows,
 )
+from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
 from atlantis_netcfg.qualify.measured_run import (
     SAMPLES_FILE,

@@ -21,11 +21,12 @@ from atlantis_netcfg.declaration import load as load_inventory
 from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import CostCounted, NoJournal, Record, Store
 from atlantis_netcfg.operations import Mode, Request, Target, site
-from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, links_of, ports_of, ways_of
+from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.request import ACCEPT_COST as ACCEPT
 from atlantis_netcfg.operations.request import REMOVE_FOREIGN, of_variables
+from atlantis_netcfg.operations.site_links import links_of
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate

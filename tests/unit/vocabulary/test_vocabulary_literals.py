@@ -13,6 +13,7 @@ from atlantis_netcfg.bearers.wifi import Family
 SINCE = {"/safe-mode": ("7.18.2", "asked for on every version, because that is how we learn whether it is there")}
 """Menus that not all of our versions have."""
 NO_COMMANDS = {
+    "/atlantis/configuration": "a topic of ROS",
     "/add": "a suffix that is taken off",
     "/interface/wi": "a prefix by which the menus of radios are told",
     "/dev/[\\w./-]+": "the pattern of a serial port's path in a Linux host",

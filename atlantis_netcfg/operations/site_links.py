@@ -1,0 +1,58 @@
+"""The links of a site with what a byte over them costs, as declared."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.bearers.cost import MeteredLink, Tariff
+from atlantis_netcfg.core.errors import UsageError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model import Bearer
+
+CABLE: Final = "lan"
+"""The technician's cable."""
+_MB: Final = 1_000_000
+
+
+def links_of(declaration: Declaration, site: str) -> Mapping[str, MeteredLink]:
+    """Every link of a site by its name, the technician's cable among them."""
+    declared = (_link(site, bearer) for bearer in declaration.sites[site].bearers)
+    return {CABLE: MeteredLink(CABLE, site, metered=False), **{link.name: link for link in declared}}
+
+
+def link_of(declaration: Declaration, site: str, name: str) -> MeteredLink:
+    """One link of a site. KeyError if it has none of that name: `bearer_of` has looked before."""
+    return links_of(declaration, site)[name]
+
+
+def bearer_named(declaration: Declaration, site: str, name: str) -> Bearer:
+    """Return the link of that name. Raises UsageError, with the near miss."""
+    bearers = {bearer.name: bearer for bearer in declaration.sites[site].bearers}
+    if name not in bearers:
+        near = nearest(name, bearers)
+        listed = f"its links are: {', '.join(bearers)}"
+        raise UsageError(
+            f"`{site}` has no link `{name}`", hint=f"did you mean `link={near}`? {listed}" if near else listed
+        )
+    return bearers[name]
+
+
+def _link(site: str, bearer: Bearer) -> MeteredLink:
+    billing = bearer.billing if bearer.metered else None
+    tariff = None
+    if billing is not None:
+        tariff = Tariff(
+            price_per_mb=Decimal(str(billing.price_per_mb)),
+            currency=billing.currency,
+            min_session_bytes=billing.min_session_bytes,
+            floor_bytes_per_s=billing.floor_bytes_per_s,
+            floor_after_s=billing.floor_after_s,
+        )
+    return MeteredLink(
+        bearer.name, site, bearer.metered, tariff, round(bearer.cap_mb * _MB) if bearer.metered else None
+    )
