@@ -36,7 +36,7 @@ _MOST_TRIED = 300
 """Parts of a line that are looked for; a line that has more keeps the rest in English."""
 _LONGEST = 600
 """Letters of the longest text in which joints are looked for: a line of a device can be a whole script."""
-_PROSE = re.compile(r"(?<![\w./-])(?!(?:ms|us|min|km|bytes)\b)[a-z]{2,}(?![\w./-])")
+_PROSE = re.compile(r"(?<![\w./+-])(?!(?:ms|us|min|km|bytes)\b)[a-z]{2,}(?![\w./+-])")
 """A word in small letters that is neither a unit nor part of a name."""
 _MARK = re.compile(r"^ *(?:-> |\d+\. )")
 """What stands before a hint, or an entry of a list."""

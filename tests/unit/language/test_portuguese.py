@@ -65,6 +65,11 @@ def test_a_command_in_a_message_is_the_same_in_both_languages() -> None:
 SAMPLES = ("x1", "10.64.1.1", "quux-flarb")
 
 
+@pytest.mark.parametrize("end", ["nx+dzjGcRwDvKOyMU7", "rxgOQ1n8YXnclTRzO+gc", "jvu+m8Ga0uBDxs/na+oMj"])
+def test_a_fingerprint_is_data_whatever_its_letters_spell(end: str) -> None:
+    assert CATALOGUE.translate(f"key SHA256:{end}") == f"chave SHA256:{end}"
+
+
 @pytest.mark.parametrize("sample", SAMPLES)
 def test_every_message_is_found_with_values_in_it(sample: str) -> None:
     wrong = {}
