@@ -17,7 +17,7 @@ FILTER = "/ip/firewall/filter"
 _MISSING_CHAINS = ("output", "forward", "to-satellite")
 """Rules of these chains are missing; those of `input` guard the router itself and stay: nobody is locked out."""
 _ALTERED: Mapping[tuple[str, str], Mapping[str, str]] = {
-    ("input", "atlantis: log"): {"limit": "5/1m,5:packet"},
+    ("input", "atlantis: what is dropped, a sample"): {"limit": "5/1m,5:packet"},
     ("output", "atlantis: satellite, allow-list"): {"out-interface": "ether2"},
     ("forward", "atlantis: answers"): {"connection-state": "established,related"},
     ("forward", "atlantis: LAN by the best link"): {"src-address": "10.64.9.0/24"},

@@ -98,12 +98,12 @@ add action=accept chain=input comment="atlantis: management by the VPN" dst-port
 add action=accept chain=input comment="atlantis: ping from management by the VPN" in-interface-list=LAN protocol=icmp src-address=10.80.0.0/24
 add action=accept chain=input comment="atlantis: answers" connection-state=established,related,untracked
 add action=drop chain=input comment="atlantis: invalid" connection-state=invalid
-add action=accept chain=input comment="atlantis: DHCP requests" dst-port=67 in-interface-list=LAN protocol=udp src-address=0.0.0.0
+add action=accept chain=input comment="atlantis: DHCP of hosts without address" dst-port=67 in-interface-list=LAN protocol=udp src-address=0.0.0.0
 add action=accept chain=input comment="atlantis: DHCP and DNS" dst-port=53,67 in-interface-list=LAN protocol=udp src-address=10.64.0.0/24
 add action=accept chain=input comment="atlantis: DNS, long answers" dst-port=53 in-interface-list=LAN protocol=tcp src-address=10.64.0.0/24
 add action=accept chain=input comment="atlantis: ping from the LAN" in-interface-list=LAN protocol=icmp src-address=10.64.0.0/24
 add action=accept chain=input comment="atlantis: ping over wifi-ptp, to test it" in-interface=ether2 protocol=icmp src-address=10.10.0.0/29
-add action=log chain=input comment="atlantis: log" limit=10/1m,5:packet log-prefix="drop input"
+add action=log chain=input comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop input"
 add action=drop chain=input comment="atlantis: everything else"
 # Forward: what may pass through.
 # The VPN server stands in this LAN: to other sites and back, packets turn round on the bridge, and the router sees one
@@ -128,7 +128,7 @@ add action=accept chain=forward comment="atlantis: wifi-ptp by our best link" in
 # Anybody may send to these: of one address 32 connections a second begin, and those that are open are accepted above.
 add action=accept chain=forward comment="atlantis: forwarded to scc-vpn" connection-nat-state=dstnat dst-address=10.64.0.10 dst-limit=32,32,src-address/10s dst-port=1194 out-interface-list=LAN protocol=udp
 add action=accept chain=forward comment="atlantis: forwarded to scc-control" connection-nat-state=dstnat dst-address=10.64.0.11 dst-limit=32,32,src-address/10s dst-port=862 out-interface-list=LAN protocol=udp
-add action=log chain=forward comment="atlantis: log" limit=10/1m,5:packet log-prefix="drop forward"
+add action=log chain=forward comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop forward"
 add action=drop chain=forward comment="atlantis: everything else"
 # Output is open but for the satellite: the router itself asks for time, pings its canaries and holds the tunnel.
 # NAT. Every uplink is masqueraded, the Wi-Fi bridge to the control centre included: the links are interchangeable, so the far

@@ -131,13 +131,13 @@ add action=reject chain=forward comment="atlantis: no DDS over satellite" dscp=1
 # The terminal's own pages cost no airtime: the technician and the router may reach them.
 add action=accept chain=output comment="atlantis: satellite, the terminal itself" dst-address=10.10.10.0/29 out-interface=ether2
 add action=jump chain=output comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether2
-add action=accept chain=forward comment="atlantis: technician to satellite" dst-address=10.10.10.0/29 in-interface-list=MGMT out-interface=ether2
+add action=accept chain=forward comment="atlantis: technician to the terminal of satellite" dst-address=10.10.10.0/29 in-interface-list=MGMT out-interface=ether2
 add action=jump chain=forward comment="atlantis: satellite, allow-list" jump-target=to-satellite out-interface=ether2
 add action=return chain=to-satellite comment="atlantis: VPN server" dst-address=203.0.113.2 dst-address-list=sat-allow dst-port=1194 protocol=udp
 add action=return chain=to-satellite comment="atlantis: ntp1.example.org" dst-address=192.0.2.123 dst-address-list=sat-allow dst-port=123 protocol=udp
 add action=return chain=to-satellite comment="atlantis: ntp2.example.org" dst-address=192.0.2.124 dst-address-list=sat-allow dst-port=123 protocol=udp
 add action=return chain=to-satellite comment="atlantis: far end of measurements" dst-address=203.0.113.2 dst-address-list=sat-allow dst-port=862 protocol=udp
-add action=log chain=to-satellite comment="atlantis: log" limit=10/1m,5:packet log-prefix="drop satellite"
+add action=log chain=to-satellite comment="atlantis: what is kept off, a sample" limit=10/1m,5:packet log-prefix="drop satellite"
 add action=drop chain=to-satellite comment="atlantis: satellite, everything else"
 # What has come in is paid for already; only answers of the same targets go on, which also counts them one by one. An ICMP
 # error belongs to a connection of ours wherever it comes from, and without it a path that takes smaller packets is a hole.
@@ -149,16 +149,16 @@ add action=return chain=from-satellite comment="atlantis: answers of ntp2.exampl
 add action=return chain=from-satellite comment="atlantis: answers of far end of measurements" connection-state=established protocol=udp src-address=203.0.113.2 src-address-list=sat-allow src-port=862
 add action=return chain=from-satellite comment="atlantis: satellite, the terminal itself" connection-state=established src-address=10.10.10.0/29
 add action=return chain=from-satellite comment="atlantis: errors on the way" connection-state=related protocol=icmp
-add action=log chain=from-satellite comment="atlantis: log" limit=10/1m,5:packet log-prefix="drop from satellite"
+add action=log chain=from-satellite comment="atlantis: what is turned away, a sample" limit=10/1m,5:packet log-prefix="drop from satellite"
 add action=drop chain=from-satellite comment="atlantis: satellite, everything else that comes in"
 # Input again: what may speak to the router itself by any link.
 add action=accept chain=input comment="atlantis: answers" connection-state=established,related,untracked
 add action=drop chain=input comment="atlantis: invalid" connection-state=invalid
-add action=accept chain=input comment="atlantis: DHCP requests" dst-port=67 in-interface-list=LAN protocol=udp src-address=0.0.0.0
+add action=accept chain=input comment="atlantis: DHCP of hosts without address" dst-port=67 in-interface-list=LAN protocol=udp src-address=0.0.0.0
 add action=accept chain=input comment="atlantis: DHCP and DNS" dst-port=53,67 in-interface-list=LAN protocol=udp src-address=10.64.2.0/24
 add action=accept chain=input comment="atlantis: DNS, long answers" dst-port=53 in-interface-list=LAN protocol=tcp src-address=10.64.2.0/24
 add action=accept chain=input comment="atlantis: ping from the LAN" in-interface-list=LAN protocol=icmp src-address=10.64.2.0/24
-add action=log chain=input comment="atlantis: log" limit=10/1m,5:packet log-prefix="drop input"
+add action=log chain=input comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop input"
 add action=drop chain=input comment="atlantis: everything else"
 # Forward: what may pass through.
 add action=drop chain=forward comment="atlantis: invalid" connection-state=invalid
@@ -173,10 +173,10 @@ add action=accept chain=forward comment="atlantis: technician by the best link" 
 # DDS, of the tunnel's addresses what the VPN server lets it. Who may reach this site is decided where all meet, on that server.
 add action=accept chain=forward comment="atlantis: our hosts to the VPN" dst-address-list=remote in-interface-list=LAN out-interface-list=VPN src-address-list=hosts
 add action=accept chain=forward comment="atlantis: LAN to the VPN" dst-address=10.80.0.0/16 in-interface-list=LAN out-interface-list=VPN src-address=10.64.2.0/24
-add action=accept chain=forward comment="atlantis: LAN pings sites" dst-address-list=remote in-interface-list=LAN out-interface-list=VPN protocol=icmp src-address=10.64.2.0/24
-add action=accept chain=forward comment="atlantis: LAN to sites, DDS" dst-address-list=remote dst-port=7410-7429 in-interface-list=LAN out-interface-list=VPN protocol=udp src-address=10.64.2.0/24
+add action=accept chain=forward comment="atlantis: LAN to other sites, pings" dst-address-list=remote in-interface-list=LAN out-interface-list=VPN protocol=icmp src-address=10.64.2.0/24
+add action=accept chain=forward comment="atlantis: LAN to other sites, DDS" dst-address-list=remote dst-port=7410-7429 in-interface-list=LAN out-interface-list=VPN protocol=udp src-address=10.64.2.0/24
 add action=accept chain=forward comment="atlantis: VPN to the LAN" dst-address=10.64.2.0/24 in-interface-list=VPN out-interface-list=LAN src-address-list=remote
-add action=log chain=forward comment="atlantis: log" limit=10/1m,5:packet log-prefix="drop forward"
+add action=log chain=forward comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop forward"
 add action=drop chain=forward comment="atlantis: everything else"
 # Output is open but for the satellite: the router itself asks for time, pings its canaries and holds the tunnel.
 # NAT. Every uplink is masqueraded, the Wi-Fi bridge to the control centre included: the links are interchangeable, so the far
