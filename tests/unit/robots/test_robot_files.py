@@ -104,9 +104,7 @@ def test_what_a_vehicle_costs_is_what_its_robot_publishes(tmp_path: Path) -> Non
     inventory = tmp_path / "inventory"
     shutil.copytree(robot_cases.SHIPPED, inventory)
     vehicles = inventory / "group_vars" / "all" / "vehicles.yml"
-    telemetry = "    telemetry: [{topic: /mares/dept, data: numbers, rate_hz: 1.0, size_bytes: 16}]\n"
-    text = vehicles.read_text()
-    vehicles.write_text(text.replace("    name: Mares\n", "    name: Mares\n" + telemetry))
+    vehicles.write_text(vehicles.read_text().replace("topic: /mares/battery/voltage", "topic: /mares/dept"))
     (warning,) = read(inventory)["mares"].warnings
     assert warning.message == "`telemetry:` of the vehicle mares has `/mares/dept`, which this file has not"
     assert warning.hint == "did you mean `/mares/depth`?"
