@@ -67,7 +67,7 @@ def test_an_older_state_can_be_chosen_and_runs_say_which_there_are(at: Quay) -> 
     listed = subprocess.run(
         [PROVISION, "runs"], env=at.environment(), capture_output=True, text=True, check=True
     ).stdout
-    assert "coastal-router changed (183, state kept)" in listed
+    assert "coastal-router changed (184, state kept)" in listed
     at.replace("spare")
     at.adopt()
     at.provision("restore", f"device={ROUTER}", f"to={first['run']}", "--yes", code=0)
