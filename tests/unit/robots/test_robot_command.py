@@ -8,8 +8,12 @@ import pytest
 import robot_cases
 from hints_said import advised, said
 
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.operations import robots
+from atlantis_netcfg.robots.observation import Observation, RobotReport, RobotState
 
 CANARY = "canary-of-a-token"
 
@@ -131,6 +135,24 @@ def test_a_line_that_cannot_be_carried_out(
 ) -> None:
     assert main(["robot", "validate", *line, f"inventory={inventory}"]) == code
     assert words in capsys.readouterr().err
+
+
+def test_what_a_file_or_a_robot_says_moves_no_cursor(
+    inventory: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = inventory / "robots" / "mares.yml"
+    file.write_text(file.read_text().replace("namespace: mares", 'namespace: "mares\\e[2J\\u202e"'))
+    assert main(["robot", "validate", f"inventory={inventory}"]) == ExitCode.USAGE
+    printed = capsys.readouterr()
+    assert "is no name in ROS" in printed.err
+
+    finding = BearerFinding(Verdict.FAIL, "code", "the host \x1b[2J\u202e says so", "")
+    report = RobotReport("\x1b]0;mares\x07", RobotState.UNKNOWN, None, (finding,))
+    monkeypatch.setattr(robots, "discover", lambda *_: (Observation(5.0, {"key": "\x1b[2J"}), [report]))
+    assert main(["robot", "discover", "site=coastal", f"inventory={inventory}"]) == ExitCode.CHECKS_FAILED
+    heard = capsys.readouterr().out
+    assert "says so" in heard
+    assert [sign for sign in ("\x1b", "\x07", "\u202e") if sign in printed.out + printed.err + heard] == []
 
 
 def test_without_files_nothing_was_checked(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
