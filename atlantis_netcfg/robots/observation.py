@@ -193,7 +193,7 @@ def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerF
     hidden = {"token": file.token}
     if robot.model_copy(update=hidden) != file:
         message = "its configuration is not the one of its file"
-        yield BearerFinding(Verdict.WARN, "configuration-differs", message, _CHECK_ITS_FILE)
+        yield BearerFinding(Verdict.FAIL, "configuration-differs", message, _CHECK_ITS_FILE)
 
 
 def _topics(robot: RobotFile, writers: Sequence[HeardWriter], observation: Observation) -> Iterator[BearerFinding]:

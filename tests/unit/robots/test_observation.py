@@ -145,6 +145,7 @@ def test_what_is_advised_checks_the_robots_files(capsys: pytest.CaptureFixture[s
     observation = heard()
     replace_text(observation, "label: Leak", "label: Water")
     (report,) = judge(observation, [source()], ["sparus"], KeyNames())
+    assert ending([report], observation) == ExitCode.CHECKS_FAILED, "it is not as its file says"
     (line,) = advised(said(report.findings[0].hint or "", str(report.findings[0].hint)))
     assert main(line) == ExitCode.DONE
     assert "6 robots' files: no errors" in capsys.readouterr().out
