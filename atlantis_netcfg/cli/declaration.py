@@ -39,17 +39,17 @@ def run_validate(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.declaration import InventoryInvalid, load
-    from atlantis_netcfg.declaration.robots.reading import check_declared
+    from atlantis_netcfg.declaration.robots.reading import load_robots
 
     named = arguments.optional("inventory")
     inventory = Path(named) if named else paths.checkout() / "inventory"
     try:
         declaration = load(inventory)
-        warnings = check_declared(declaration)
+        sources, _ = load_robots(declaration)
     except InventoryInvalid as error:
         return _refuse(error, inventory, as_json=arguments.flag("json"))
-    warnings += _warnings(declaration)
-    return _confirm(declaration, sorted(warnings), arguments)
+    warnings = [finding for source in sources for finding in source.warnings]
+    return _confirm(declaration, sorted((*warnings, *_warnings(declaration))), arguments)
 
 
 def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitCode:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import InventoryInvalid
 from atlantis_netcfg.declaration.model import ControlCentre, ServerComputer
-from atlantis_netcfg.declaration.robots.reading import FOLDER, key_names, read_declared
+from atlantis_netcfg.declaration.robots.reading import FOLDER, load_robots
 from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
@@ -49,11 +48,7 @@ def seconds_of(text: str) -> int:
 
 def robots_of(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
     """Every robot of the inventory. Raises InventoryInvalid, and NothingMatched where there is none."""
-    names, findings = key_names(declaration)
-    sources = read_declared(declaration, names)
-    findings += [finding for source in sources for finding in source.findings]
-    if findings:
-        raise InventoryInvalid(findings, "in robots' files; no robot was contacted")
+    sources, names = load_robots(declaration)
     if not sources:
         raise NothingMatched("no robot is declared", hint="put the robots' files into robots/: docs/robots.md says how")
     return sources, names

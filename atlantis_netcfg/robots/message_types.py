@@ -127,6 +127,11 @@ def ros_type_name(name: str) -> str | None:
     return f"{found[1].replace('::', '/')}{found[2]}" if found else None
 
 
+def stamp_of(message: Any) -> Any:  # noqa: ANN401 - a message, and its `builtin_interfaces/Time`
+    """When a message says that it was made, by itself or by its header; None: it does not say."""
+    return getattr(message, "stamp", None) or getattr(getattr(message, "header", None), "stamp", None)
+
+
 def topic_name(dds_name: str) -> str | None:
     """The topic of ROS that a topic of DDS stands for; None: it is none (`rq/`, `rr/`, or another program's)."""
     return dds_name.removeprefix("rt") if dds_name.startswith("rt/") else None

@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.robots.message_types import stamp_of
 from atlantis_netcfg.robots.network import CONFIGURATION_TYPE, Publisher
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ class MockRobot:
 
     def _message(self, topic: PublishedTopic, now: float) -> Any:  # noqa: ANN401 - a message
         message = self.types.empty(topic.message_type)
-        stamp = getattr(message, "stamp", None) or getattr(getattr(message, "header", None), "stamp", None)
+        stamp = stamp_of(message)
         if stamp is not None:
             wall = time.time()
             stamp.sec, stamp.nanosec = int(wall), int(wall % 1 * 1e9)

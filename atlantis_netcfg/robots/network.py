@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.robots.message_types import ros_type_name, topic_name
+from atlantis_netcfg.robots.message_types import ros_type_name, stamp_of, topic_name
 from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, content_hash
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ class RobotListener:
         writer.last_s = now
         writer.messages += 1
         writer.octets += len(data)
-        stamp = getattr(sample, "stamp", None) or getattr(getattr(sample, "header", None), "stamp", None)
+        stamp = stamp_of(sample)
         if stamp is not None:
             age = time.time() - (stamp.sec + stamp.nanosec / 1e9)
             writer.stamp_age_s = age if writer.stamp_age_s is None else max(age, writer.stamp_age_s, key=abs)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 FOLDER = "robots"
 """Below an inventory: `<vehicle>.yml` for each robot, `keys.yml`, and `interfaces/` with the types of messages."""
+NO_ROBOT_CONTACTED = "in robots' files; no robot was contacted"
 _KEYS = "keys.yml"
 _MINE_ALONE = 0o077
 _Path = tuple[str | int, ...]
@@ -101,14 +102,14 @@ def read_given(files: Iterable[Path], declaration: Declaration, names: KeyNames)
     return _with_namespaces_compared(sources)
 
 
-def check_declared(declaration: Declaration) -> list[Finding]:
-    """Warnings of every robot's file of an inventory. Raises InventoryInvalid with their errors."""
+def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
+    """Every robot of an inventory, with warnings alone. Raises InventoryInvalid with the errors of all."""
     names, findings = key_names(declaration)
     sources = read_declared(declaration, names)
     findings += [finding for source in sources for finding in source.findings]
     if findings:
-        raise InventoryInvalid(findings)
-    return [finding for source in sources for finding in source.warnings]
+        raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
+    return sources, names
 
 
 def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]:
