@@ -15,8 +15,8 @@ import io
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report import _words as words
-from atlantis_netcfg.checklist.report._pages import Attached, Photo, attached
 from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Sheet, printable
+from atlantis_netcfg.checklist.report._photos import Attached, Photo, attached
 from atlantis_netcfg.checklist.report._shapes import BADGE_HEIGHT, SYMBOLS, ShownState, cut, grid, state
 from atlantis_netcfg.checklist.report._svg import layout
 from atlantis_netcfg.checklist.report._texts import (
