@@ -1,13 +1,4 @@
-"""All items on paper, row by row, with what they stand on.
-
-Lists on paper: what to mend first, what was overridden, what has changed, what was not checked or rehearsed.
-
-The first lines: what it is, how it ended, who vouches for it; and the last ones: what it was made from.
-
-Table 3 on paper: each cell by colour, sign, word and edge; what is beside the table in dashes and brackets.
-
-The site's drawing on paper, from the same shapes as the page's.
-"""
+"""The report on paper: its first and last lines, Table 3, the drawing, and all items with what they stand on."""
 
 from __future__ import annotations
 
