@@ -16,6 +16,8 @@ from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from cyclonedds.idl import IdlStruct
+
     from atlantis_netcfg.robots.message_types import MessageTypes
 
 _POLL_S: Final = 0.02
@@ -107,17 +109,17 @@ class RobotListener:
     def poll(self) -> None:
         """Take what has arrived."""
         guid = str(self._participant.guid)
+        # Of who leaves there is a sample with its key alone.
         for sample in self._people.take(N=_AT_ONCE):
-            key = str(getattr(sample, "key", ""))
-            if key and key != guid:
-                self._names[key] = _addresses(sample)
+            if sample.sample_info.valid_data and str(sample.key) != guid:
+                self._names[str(sample.key)] = _addresses(sample)
         for sample in self._publications.take(N=_AT_ONCE):
-            if hasattr(sample, "topic_name") and str(sample.participant_key) != guid:
+            if sample.sample_info.valid_data and str(sample.participant_key) != guid:
                 self._publication(sample)
-        for reader in list(self._readers.values()):
+        for (_, kind), reader in list(self._readers.items()):
             for sample in reader.take(N=_AT_ONCE):
                 if sample.sample_info.valid_data:
-                    self._message(reader, sample)
+                    self._message(reader, self._types.idl(kind), sample)
 
     def _publication(self, sample: Any) -> None:  # noqa: ANN401 - cyclonedds' endpoint
         from cyclonedds.core import Policy  # noqa: PLC0415 - as above
@@ -132,17 +134,14 @@ class RobotListener:
 
     def _read(self, dds_name: str, name: str, kind: str) -> None:
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
-        from cyclonedds.sub import DataReader  # noqa: PLC0415 - as above
-        from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
 
         if kind not in self._types:
             self._unread[name] = kind
         elif (dds_name, kind) not in self._readers:
             qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(_AT_ONCE))
-            topic = Topic(self._participant, dds_name, self._types.idl(kind))
-            self._readers[dds_name, kind] = DataReader(self._participant, topic, qos=qos)
+            self._readers[dds_name, kind] = _reader(self._participant, dds_name, self._types.idl(kind), qos)
 
-    def _message(self, reader: Any, sample: Any) -> None:  # noqa: ANN401 - of cyclonedds
+    def _message(self, reader: Any, kind: type[IdlStruct], sample: Any) -> None:  # noqa: ANN401 - of cyclonedds
         handle = sample.sample_info.publication_handle
         if handle not in self._handles:
             endpoint = reader.get_matched_publication_data(handle)
@@ -150,20 +149,20 @@ class RobotListener:
         writer = self._writers.get(self._handles[handle])
         if writer is None:
             return
-        data, now = sample.serialize(), time.monotonic()
+        data, message, now = sample.data, _decoded(kind, sample.data), time.monotonic()
         writer.first_s = writer.first_s if writer.messages else now
         writer.last_s = now
         writer.messages += 1
         writer.octets += len(data)
-        stamp = stamp_of(sample)
+        stamp = stamp_of(message)
         if stamp is not None:
             age = time.time() - (stamp.sec + stamp.nanosec / 1e9)
             writer.stamp_age_s = age if writer.stamp_age_s is None else max(age, writer.stamp_age_s, key=abs)
             stamp.sec = stamp.nanosec = 0
         if len(writer.contents) < _KEPT:
-            writer.contents.add(content_hash(sample.serialize() if stamp is not None else data))
+            writer.contents.add(content_hash(message.serialize() if stamp is not None else data))
         if writer.topic == self._topic and writer.type == CONFIGURATION_TYPE:
-            self._texts[self._handles[handle]] = str(sample.data).encode()
+            self._texts[self._handles[handle]] = str(message.data).encode() if message is not None else data
 
 
 def _addresses(sample: Any) -> str:  # noqa: ANN401 - cyclonedds' participant
@@ -198,3 +197,36 @@ class Publisher:
             made = Topic(self._participant, f"rt{topic}", self._types.idl(kind))
             self._writers[topic] = DataWriter(self._participant, made, qos=Qos(reliability, Policy.History.KeepLast(5)))
         self._writers[topic].write(message)
+
+
+class _Octets:
+    """A message as it came: who takes it decodes it, so that one that cannot be decoded takes no other along."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.sample_info: Any = None
+
+    @classmethod
+    def deserialize(cls, data: bytes) -> _Octets:
+        """For cyclonedds, which asks the type of a topic."""
+        return cls(data)
+
+    deserialize_key = deserialize
+
+
+def _decoded(kind: type[IdlStruct], data: bytes) -> Any:  # noqa: ANN401 - a message
+    """A message; None: it is none of this type."""
+    try:
+        return kind.deserialize(data)
+    except Exception:  # noqa: BLE001 - cyclonedds and struct raise what they like
+        return None
+
+
+def _reader(participant: Any, name: str, kind: type[IdlStruct], qos: Any) -> Any:  # noqa: ANN401 - of cyclonedds
+    from cyclonedds.sub import DataReader  # noqa: PLC0415 - as above
+    from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
+
+    topic: Any = Topic(participant, name, kind)
+    reader = DataReader(participant, topic, qos=qos)
+    topic.data_type = _Octets
+    return reader
