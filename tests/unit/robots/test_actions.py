@@ -3,7 +3,7 @@
 import pytest
 
 from atlantis_netcfg.robots import actions
-from atlantis_netcfg.robots.actions import ActionServer, CancelCode, Goal, GoalRefusal, GoalStatus, Notices, PlanStep
+from atlantis_netcfg.robots.actions import ActionServer, CancelCode, Goal, GoalRefusal, GoalStatus, PlanStep
 
 ONE, TWO = bytes([1] * 16), bytes([2] * 16)
 ALL = bytes(16)
@@ -164,14 +164,3 @@ def test_a_plan_is_carried_out_in_the_order_of_its_indices() -> None:
 def test_a_plan_that_is_none_is_refused(plan: list[PlanStep], message: str) -> None:
     with pytest.raises(GoalRefusal, match=message):
         actions.require_plan(plan)
-
-
-def test_of_a_flood_of_lines_a_few_are_shown() -> None:
-    notices = Notices()
-    notices.add("first")
-    assert notices.take(10.0) == ["first"], "at once"
-    for number in range(100):
-        notices.add(str(number))
-    assert notices.take(10.5) == []
-    assert notices.take(11.0) == [*map(str, range(20)), "80 more lines are not shown"]
-    assert notices.take(20.0) == []
