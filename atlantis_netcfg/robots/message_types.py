@@ -173,8 +173,8 @@ def stamp_of(message: Any) -> Any:  # noqa: ANN401 - a message, and its `builtin
 
 
 def topic_name(dds_name: str) -> str | None:
-    """The topic of ROS that a topic of DDS stands for; None: it is none (`rq/`, `rr/`, or another program's)."""
-    return dds_name.removeprefix("rt") if dds_name.startswith("rt/") else None
+    """The topic of ROS that a topic of DDS stands for; None: it is none (of a service, an action, another program)."""
+    return dds_name.removeprefix("rt") if dds_name.startswith("rt/") and "/_action/" not in dds_name else None
 
 
 def _base(name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
