@@ -208,7 +208,7 @@ def _heard_as_json(observation: Observation, reports: Sequence[RobotReport]) -> 
 
 ROBOT_MOCK = CommandSpec(
     "robot mock",
-    "be a robot: publish its configuration and its topics, so that a control centre can be tried without a boat",
+    "be a robot: publish its topics and answer its commands and plans, to test a control centre without a boat",
     group=Group.LINKS,
     words=(
         Word("vehicle", "only these robots; all that the declaration has if left out", many=True, example="sparus"),
@@ -219,13 +219,17 @@ ROBOT_MOCK = CommandSpec(
     ),
     details=(
         "From this computer, without ROS, by the names and types of ROS 2. Its position is a circle off Viana do "
-        "Castelo. Commands and plans are not answered yet. The tokens of the robots' files are published: use examples."
+        "Castelo, whatever it is commanded, and its booleans are false. A command takes 3 seconds, each step of a plan "
+        "one; the status that it reports is 0, for its values are unknown. Who sends commands and plans needs "
+        "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; topics are read by every ROS 2. The tokens of the robots' files are "
+        "published: use examples."
     ),
 )
 
 
 def run_robot_mock(arguments: Arguments) -> ExitCode:
-    """Publish until the time is over."""
+    """Publish and answer until the time is over."""
+    from collections import Counter
     from contextlib import suppress
 
     from atlantis_netcfg.core.errors import UsageError
@@ -243,17 +247,37 @@ def run_robot_mock(arguments: Arguments) -> ExitCode:
     place = robots.mock_place(declaration, site, arguments.optional("address"))
     robots_here: list[MockRobot] = []
 
-    def tell(mocks: Sequence[MockRobot]) -> None:
-        robots_here.extend(mocks)
-        names = ", ".join(each.robot.name for each in mocks)
-        print(translate(f"at {place.address}, in domain {robots.dds_of(declaration).domain}: {names}"))
-        print(translate("Ctrl-C ends it"), flush=True)
+    def watch(mocks: Sequence[MockRobot]) -> None:
+        if not robots_here:
+            robots_here.extend(mocks)
+            names = ", ".join(each.robot.name for each in mocks)
+            print(translate(f"at {place.address}, in domain {robots.dds_of(declaration).domain}: {names}"))
+            _tell_limits(mocks)
+        _tell_goals(mocks)
 
     with suppress(KeyboardInterrupt):
-        robots.mock(declaration, arguments.many("vehicle"), place, robots.seconds_of(span) if span else None, tell)
+        robots.mock(declaration, arguments.many("vehicle"), place, robots.seconds_of(span) if span else None, watch)
+    _tell_goals(robots_here)
     for each in robots_here:
+        counts = sum((action.counts for action in each.actions), Counter())
         print(translate(f"  {each.robot.name}: {sum(each.sent.values())} messages on {len(each.sent)} topics"))
+        accepted, refused, unreadable = (counts[word] for word in ("accepted", "refused", "unreadable"))
+        print(
+            translate(f"  {each.robot.name}: goals accepted {accepted}, refused {refused}, not understood {unreadable}")
+        )
     return ExitCode.DONE if robots_here else ExitCode.NOTHING
+
+
+def _tell_limits(mocks: Sequence[MockRobot]) -> None:
+    for line in (line for each in mocks for line in each.limits()):
+        print(f"  {translate(line)}")
+    print(translate("Ctrl-C ends it"), flush=True)
+
+
+def _tell_goals(mocks: Sequence[MockRobot]) -> None:
+    for action in (action for each in mocks for action in each.actions):
+        while action.notices:
+            print(f"  {action.name}: {translate(action.notices.popleft())}", flush=True)
 
 
 def _declaration(arguments: Arguments) -> Declaration:

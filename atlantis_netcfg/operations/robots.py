@@ -151,9 +151,12 @@ def mock(
     vehicles: Sequence[str],
     place: MockPlace,
     seconds: float | None,
-    tell: Callable[[Sequence[MockRobot]], None],
+    watch: Callable[[Sequence[MockRobot]], None],
 ) -> list[MockRobot]:
-    """Be these robots until the time is over; `tell` hears who they are when they begin. Raises UsageError."""
+    """Be these robots until the time is over; `watch` is called before each round, at least ten times a second.
+
+    Raises UsageError.
+    """
     sources, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
@@ -165,9 +168,9 @@ def mock(
             MockRobot(robot, text, *_POSITION, types, Publisher(number, types), names.configuration_topic)
             for robot, text in robots
         ]
-        tell(mocks)
         until = None if seconds is None else time.monotonic() + seconds
         while until is None or time.monotonic() < until:
+            watch(mocks)
             next_s = min(each.step(time.monotonic()) for each in mocks)
             time.sleep(min(0.1, max(0.0, next_s - time.monotonic())))
     return mocks

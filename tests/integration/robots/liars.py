@@ -56,6 +56,12 @@ def stale(topic: str, message: Any) -> Any:  # noqa: ANN401 - a message
     return message
 
 
+def not_text(topic: str, message: Any) -> Any:  # noqa: ANN401 - a message
+    if topic == "configuration":
+        message.serialize = lambda **_: b"\x00\x01\x00\x00\x02\x00\x00\x00\xff\x00"
+    return message
+
+
 LIES: Mapping[str, Mapping[str, Any]] = {
     "honest": {},
     "seldom": {"rates": {"configuration": 0.2}},
@@ -69,6 +75,8 @@ LIES: Mapping[str, Mapping[str, Any]] = {
     "stranger": {},
     "twice": {},
     "unreadable": {},
+    "not_text": {"change": staticmethod(not_text)},
+    "leaving": {},
     "away": {},
 }
 
@@ -96,7 +104,9 @@ def robot(name: str, text: str) -> mock.MockRobot:
 
 def main(seconds: float) -> None:
     texts = {name: TEXT.replace("namespace: sparus", f"namespace: {name}") for name in LIES}
-    declared = [source(name, text) for name, text in texts.items() if name not in {"stranger", "unreadable"}]
+    declared = [
+        source(name, text) for name, text in texts.items() if name not in {"stranger", "unreadable", "not_text"}
+    ]
     texts["wrong_token"] = texts["wrong_token"].replace("EXAMPLE-sparus-token", "somebody-else")
     texts["other_file"] = texts["other_file"].replace("label: Leak", "label: Water")
     with domain(DOMAIN, profile("127.0.0.1", [], 40)):
@@ -109,7 +119,9 @@ def main(seconds: float) -> None:
         until = time.monotonic() + seconds
 
         def publish() -> None:
-            while time.monotonic() < until:
+            while (left := until - time.monotonic()) > 0:
+                if left < seconds / 2:
+                    robots[:] = [each for each in robots if each.robot.name != "leaving"]
                 for each in robots:
                     each.step(time.monotonic())
                 time.sleep(0.01)
@@ -123,7 +135,10 @@ def main(seconds: float) -> None:
         report.namespace: [report.state.value, *sorted({finding.code for finding in report.findings})]
         for report in reports
     }
-    sys.stdout.write(json.dumps({"robots": rows, "text": "somebody-else" in json.dumps(rows)}))
+    unreadable = sum("configuration-unreadable" in {each.code for each in report.findings} for report in reports)
+    sys.stdout.write(
+        json.dumps({"robots": rows, "unreadable": unreadable, "text": "somebody-else" in json.dumps(rows)})
+    )
 
 
 if __name__ == "__main__":
