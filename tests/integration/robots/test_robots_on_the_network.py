@@ -6,6 +6,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -76,11 +77,46 @@ def test_no_packet_goes_to_the_addresses_of_examples(words: tuple[str, ...], mes
     assert message in done.stderr
 
 
-def test_every_lie_has_exactly_its_finding() -> None:
+@pytest.fixture(scope="module")
+def lies() -> dict[str, Any]:
+    """What is heard of robots that lie, each in one way."""
     done = alone('"$1" -P "$2" 16', sys.executable, str(HERE / "liars.py"))
     assert done.returncode == 0, done.stderr
-    document = json.loads(done.stdout)
-    robots = document["robots"]
+    document: dict[str, Any] = json.loads(done.stdout)
+    return document
+
+
+EVERYTHING = dict.fromkeys(("discovery", "booleans", "numbers", "pose", "gps", "images"), "INCONCLUSIVE")
+RECORD: dict[str, dict[str, str]] = {
+    "honest": {},
+    "seldom": {"discovery": "FAIL"},
+    "often": {"numbers": "WARN"},
+    "missing_topic": {"booleans": "FAIL"},
+    "wrong_type": {"numbers": "FAIL"},
+    "frozen": {"pose": "WARN"},
+    "stale": {"gps": "FAIL"},
+    "wrong_token": {"discovery": "FAIL"},
+    "other_file": {"discovery": "FAIL"},
+    "twice": {"discovery": "FAIL"},
+    "away": EVERYTHING,
+    "outside": {"vpn": "FAIL"},
+    "without_configuration": EVERYTHING,
+    "pose_missing": {"pose": "FAIL"},
+    "boolean_silent": {"booleans": "FAIL"},
+    "boolean_stale": {"booleans": "FAIL"},
+    "image_type": {"images": "FAIL"},
+    "image_seldom": {"images": "WARN"},
+    "pose_often": {"pose": "WARN"},
+}
+
+
+def test_a_lie_turns_exactly_its_items_of_the_integration_record(lies: dict[str, Any]) -> None:
+    assert lies["record"] == RECORD
+    assert lies["text"] is False, "no token is told"
+
+
+def test_every_lie_has_exactly_its_finding(lies: dict[str, Any]) -> None:
+    robots = dict(lies["robots"])
     unreadable = [name for name, (state, *codes) in robots.items() if codes == ["configuration-unreadable"]]
     assert len(unreadable) == 1
     del robots[unreadable[0]]
@@ -97,4 +133,12 @@ def test_every_lie_has_exactly_its_finding() -> None:
         "stranger": ["unknown", "robot-unknown"],
         "twice": ["declared", "namespace-twice"],
         "away": ["missing", "robot-missing"],
+        "outside": ["declared"],
+        "without_configuration": ["missing", "configuration-missing"],
+        "pose_missing": ["declared", "topic-missing"],
+        "boolean_silent": ["declared", "topic-silent"],
+        "boolean_stale": ["declared", "topic-stale"],
+        "image_type": ["declared", "topic-type"],
+        "image_seldom": ["declared", "topic-rate-below"],
+        "pose_often": ["declared", "topic-rate-above"],
     }
