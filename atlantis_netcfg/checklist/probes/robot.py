@@ -173,7 +173,7 @@ def topics_step(name: str, title: str, cell: Cell, kind: TopicKind) -> Step:
     return _automatic(name, title, probe)
 
 
-def _heard(answer: Answer | None, host: str) -> Observation | BearerFinding:
+def _observation(answer: Answer | None, host: str) -> Observation | BearerFinding:
     if not isinstance(answer, RobotsHeardResult) or answer.observation is None:
         return replace(unasked(host or "this computer", answer), code="not-listened")
     return answer.observation
@@ -273,7 +273,7 @@ class _Discovered(_OfRobot):
         return (RobotsHeardRequest("heard", self.host),)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
-        observation = _heard(results["heard"], self.host)
+        observation = _observation(results["heard"], self.host)
         if isinstance(observation, BearerFinding):
             return Judged((observation,))
         report = self.robots.report(self.vehicle, observation)
@@ -315,7 +315,7 @@ class _TopicsHeard(_OfRobot):
         return (RobotsHeardRequest("heard"),)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
-        observation = _heard(results["heard"], "")
+        observation = _observation(results["heard"], "")
         if isinstance(observation, BearerFinding):
             return Judged((observation,))
         report = self._introduction(observation)
@@ -332,12 +332,12 @@ class _TopicsHeard(_OfRobot):
         return Judged(wrong or (self._good(names, writers),), tuple(_evidence(writers)))
 
     def _good(self, names: Collection[str], writers: Collection[HeardWriter]) -> BearerFinding:
-        heard = {writer.topic for writer in writers}
-        if not heard:
+        topics = {writer.topic for writer in writers}
+        if not topics:
             message = f"none of {', '.join(names)} was heard of {self.name}"
             hint = "look at the program of the robot that publishes them"
             return BearerFinding(Verdict.INCONCLUSIVE, "not-heard", message, hint)
-        text = f"{len(heard)} of {len(names)} topics of {self.name} are as they should be"
+        text = f"{len(topics)} of {len(names)} topics of {self.name} are as they should be"
         return BearerFinding(Verdict.PASS, "heard", text)
 
 
@@ -351,7 +351,7 @@ class _Strangers:
         return (RobotsHeardRequest("heard"),)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
-        observation = _heard(results["heard"], "")
+        observation = _observation(results["heard"], "")
         if isinstance(observation, BearerFinding):
             return Judged((observation,))
         reports = self.robots.reports(observation)

@@ -49,6 +49,30 @@ def test_six_mock_robots_are_heard_as_their_files_say() -> None:
     assert "EXAMPLE-sparus-token" not in done.stdout
 
 
+def test_the_checklist_hears_robots_in_the_lan_of_its_site(tmp_path: Path) -> None:
+    """All but one of six are there; who is in the VPN, and what the control centre hears, nobody can say here."""
+    lan = "ip link add lan0 type veth peer name lan1 && ip address add 10.64.1.99/24 dev lan0"
+    up = "ip link set lan0 up && ip link set lan1 up"
+    mocks = '"$1" robot mock vehicle=eca-rov,girona500,mares,sparus,stork for=40s address=10.64.1.99'
+    script = f'{lan} && {up} && {{ {mocks} >"$4" 2>&1 & "$2" -P "$3" "$5"; code=$?; kill $!; wait; exit $code; }}'
+    words = (str(PROVISION), sys.executable, str(HERE / "checklist_heard.py"), "/dev/null", str(tmp_path))
+    done = alone(script, *words)
+    assert done.returncode == 0, done.stderr
+    items = json.loads(done.stdout)
+    verdicts = {name: verdict for name, (verdict, *_) in items.items()}
+    here = ("eca-rov", "girona500", "mares", "sparus", "stork")
+    for name in here:
+        heard = {key: verdicts[f"{name}/robot/{key}"] for key in ("discovered", "telemetry", "rates")}
+        assert heard == dict.fromkeys(heard, "PASS"), items
+    assert {verdicts[f"{name}/robot/pose"] for name in here[1:]} == {"PASS"}
+    assert {verdicts[f"zarco/robot/{key}"] for key in ("discovered", "telemetry", "pose", "rates")} == {"INCONCLUSIVE"}
+    assert verdicts["coastal/robot/strangers"] == "PASS"
+    unknown = [name for name in verdicts if name.endswith(("/vpn", "/control-centre"))]
+    assert len(unknown) == 12
+    assert {verdicts[name] for name in unknown} == {"INCONCLUSIVE"}
+    assert "token" not in done.stdout.lower()
+
+
 def test_where_nobody_is_nothing_is_green() -> None:
     done = alone('"$1" robot discover site=coastal for=5s address=127.0.0.1', str(PROVISION))
     assert done.returncode == 6, done.stderr
