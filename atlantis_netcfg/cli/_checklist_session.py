@@ -106,10 +106,12 @@ def not_rehearsed(opened: CommandSession, entries: Sequence[PlanEntry]) -> tuple
     """What the twins of these entries cannot stand for."""
     if opened.rehearsal is None:
         return ()
+    from atlantis_netcfg.checklist.runner.simulated import robots
     from atlantis_netcfg.emulator import acoustic, gnss, linux, mavlink
 
     requested = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
     values = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
+    values |= {"robot": robots, "integration": robots}
     beside = [line for endpoint, twin in values.items() if endpoint in requested for line in twin.NOT_REHEARSED]
     return tuple(dict.fromkeys([*beside, *linux.NOT_REHEARSED, *opened.rehearsal.not_rehearsed]))
 

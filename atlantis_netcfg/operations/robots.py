@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import socket
 import time
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import ControlCentre, ServerComputer
-from atlantis_netcfg.declaration.robots.reading import FOLDER, load_robots
+from atlantis_netcfg.declaration.robots.reading import FOLDER, key_names, load_robots
 from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
@@ -32,6 +33,7 @@ LOOPBACK: Final = "127.0.0.1"
 SHORTEST_S, LONGEST_S = 5, 3600
 _LISTENERS: Final = 20
 """Participants of one computer that are found: mock robots and whoever listens to them."""
+_POLL_S: Final = 0.02
 _POSITION: Final = (41.68, -8.83)
 """Off Viana do Castelo, where a site declares no geofence."""
 
@@ -116,6 +118,24 @@ def discover(
     with domain(dds.domain, profile(local, peers_of(declaration, site), dds.participants)) as number:
         observation = RobotListener(number, types, names.configuration_topic).listen(seconds)
     return observation, judge(observation, sources, expected_at(declaration, site), names)
+
+
+async def hear(declaration: Declaration, site: str, seconds: float) -> Observation:
+    """Listen at a site, and let others work meanwhile. Raises UsageError."""
+    names, _ = key_names(declaration)
+    dds = dds_of(declaration)
+    local = _address(declaration, site, None)
+    types = await asyncio.to_thread(MessageTypes, declaration.root / FOLDER / INTERFACES)
+    with domain(dds.domain, profile(local, peers_of(declaration, site), dds.participants)) as number:
+        return await _polled(RobotListener(number, types, names.configuration_topic), seconds)
+
+
+async def _polled(listener: RobotListener, seconds: float) -> Observation:
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        listener.poll()
+        await asyncio.sleep(_POLL_S)
+    return listener.observation()
 
 
 def ending(reports: Sequence[RobotReport], observation: Observation) -> ExitCode:

@@ -88,6 +88,7 @@ def _environment() -> Environment:
         also=_texts.also,
         differs=_texts.differs,
         was=_texts.was,
+        of_integration=_texts.of_integration,
         photo=_texts.photo,
         overridden_by=_texts.overridden_by,
         was_green=_texts.was_green,

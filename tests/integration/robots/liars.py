@@ -1,21 +1,29 @@
-"""Mock robots of which each lies in one way, and a listener, on the loopback of a namespace: prints its findings."""
+"""Mock robots of which each lies in one way, and a listener, on the loopback of a namespace.
+
+It prints the findings about each, and what the items of its integration record come to.
+"""
 
 import json
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from cyclonedds.pub import DataWriter
+from cyclonedds.topic import Topic
+
+from atlantis_netcfg.checklist.probes import Answer, Cell, RobotsHeardResult, VpnMember, VpnMembersResult, integration
+from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.robots.key_names import KeyNames
 from atlantis_netcfg.declaration.robots.reading import RobotSource, read_declared, read_published, robot_files
 from atlantis_netcfg.robots import mock
 from atlantis_netcfg.robots.message_types import MessageTypes
 from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile
-from atlantis_netcfg.robots.observation import judge
+from atlantis_netcfg.robots.observation import Observation, judge
 
 DOMAIN = 9
 SHIPPED = Path(__file__).parents[3] / "inventory"
@@ -30,10 +38,15 @@ class Liar(mock.MockRobot):
     change: Callable[[str, Any], Any] = staticmethod(lambda _topic, message: message)
     types_of: Mapping[str, str] = {}
     left_out: frozenset[str] = frozenset()
+    silent: frozenset[str] = frozenset()
+    """Topics that are announced, and on which nothing comes."""
 
     def _every(self, rate_hz: float, name: str, kind: str, now: float, make: Callable[[], Any]) -> None:
         short = name.rpartition("/")[2]
         if short in self.left_out:
+            return
+        if short in self.silent:
+            self._announce(name, kind)
             return
         other = self.types_of.get(short)
 
@@ -41,6 +54,12 @@ class Liar(mock.MockRobot):
             return self.types.empty(other) if other else self.change(short, make())
 
         super()._every(self.rates.get(short, rate_hz), name, other or kind, now, made)
+
+    def _announce(self, name: str, kind: str) -> None:
+        writers = self.publisher._writers
+        if name not in writers:
+            participant = self.publisher._participant
+            writers[name] = DataWriter(participant, Topic(participant, f"rt{name}", self.types.idl(kind)))
 
 
 def frozen(topic: str, message: Any) -> Any:  # noqa: ANN401 - a message
@@ -62,6 +81,12 @@ def not_text(topic: str, message: Any) -> Any:  # noqa: ANN401 - a message
     return message
 
 
+def stale_boolean(topic: str, message: Any) -> Any:  # noqa: ANN401 - a message
+    if topic == "leak":
+        message.stamp.sec -= 3600
+    return message
+
+
 LIES: Mapping[str, Mapping[str, Any]] = {
     "honest": {},
     "seldom": {"rates": {"configuration": 0.2}},
@@ -78,6 +103,14 @@ LIES: Mapping[str, Mapping[str, Any]] = {
     "not_text": {"change": staticmethod(not_text)},
     "leaving": {},
     "away": {},
+    "outside": {},
+    "without_configuration": {"left_out": frozenset({"configuration"})},
+    "pose_missing": {"left_out": frozenset({"pose"})},
+    "boolean_silent": {"silent": frozenset({"leak"})},
+    "boolean_stale": {"change": staticmethod(stale_boolean)},
+    "image_type": {"types_of": {"image": "sensor_msgs/msg/CompressedImage"}},
+    "image_seldom": {"rates": {"image": 1.0}},
+    "pose_often": {"rates": {"pose": 12.0}},
 }
 
 
@@ -100,6 +133,25 @@ def robot(name: str, text: str) -> mock.MockRobot:
         found, text, 41.68, -8.83, TYPES, Publisher(DOMAIN, TYPES), KeyNames().configuration_topic
     )
     return liar
+
+
+def items(observation: Observation, declared: Sequence[RobotSource], name: str) -> dict[str, str]:
+    """The probed items of a robot's integration record that do not pass; the VPN has a session of all but one."""
+    shipped, sources = load(SHIPPED), {each.vehicle: each for each in declared if each.vehicle is not None}
+    vehicles = dict.fromkeys(sources, shipped.vehicles["sparus"])
+    files = RobotFiles(KeyNames(), sources, tuple(sources))
+    cell = Cell(replace(shipped, vehicles=vehicles), "coastal", name, "integration", robots=files)
+    answers: dict[str, Answer] = {
+        "heard": RobotsHeardResult(None, "", observation),
+        "members": VpnMembersResult(
+            None,
+            "",
+            tuple(VpnMember(each, each, admitted=True, session="" if each == "outside" else "x") for each in sources),
+        ),
+    }
+    judged = {step.name: step.probe.judge(answers).verdict.value for step in integration.steps(cell) if step.probe}
+    assert set(judged) == {"vpn", "discovery", "booleans", "numbers", "pose", "gps", "images"}
+    return {step: verdict for step, verdict in judged.items() if verdict != "PASS"}
 
 
 def main(seconds: float) -> None:
@@ -135,10 +187,10 @@ def main(seconds: float) -> None:
         report.namespace: [report.state.value, *sorted({finding.code for finding in report.findings})]
         for report in reports
     }
+    record = {each.vehicle: items(observation, declared, each.vehicle) for each in declared if each.vehicle}
     unreadable = sum("configuration-unreadable" in {each.code for each in report.findings} for report in reports)
-    sys.stdout.write(
-        json.dumps({"robots": rows, "unreadable": unreadable, "text": "somebody-else" in json.dumps(rows)})
-    )
+    text = "somebody-else" in json.dumps([rows, record])
+    sys.stdout.write(json.dumps({"robots": rows, "record": record, "unreadable": unreadable, "text": text}))
 
 
 if __name__ == "__main__":
