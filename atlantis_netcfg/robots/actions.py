@@ -146,23 +146,18 @@ class ActionServer:
 
     def cancel(self, identity: bytes, stamp_ns: int) -> tuple[CancelCode, list[Goal]]:
         """Begin to cancel one goal, all that were accepted up to a stamp, or all (both are zero)."""
-        if identity != _NO_GOAL and not stamp_ns:
-            goal = self.goals.get(identity)
-            if goal is None:
-                return CancelCode.UNKNOWN_GOAL, []
-            targets = [goal] if _is_cancelable(goal) else []
-            code = CancelCode.NONE if targets else CancelCode.GOAL_TERMINATED
-        else:
-            everything = identity == _NO_GOAL and not stamp_ns
-            targets = [
-                goal
-                for goal in self.goals.values()
-                if _is_cancelable(goal) and (everything or goal.stamp_ns <= stamp_ns or goal.identity == identity)
-            ]
-            code = CancelCode.NONE
+        is_one, is_every = identity != _NO_GOAL and not stamp_ns, identity == _NO_GOAL and not stamp_ns
+        if is_one and identity not in self.goals:
+            return CancelCode.UNKNOWN_GOAL, []
+        targets = [
+            goal
+            for goal in self.goals.values()
+            if goal.status in {GoalStatus.ACCEPTED, GoalStatus.EXECUTING}
+            and (is_every or goal.identity == identity or goal.stamp_ns <= stamp_ns)
+        ]
         for goal in targets:
             goal.status = GoalStatus.CANCELING
-        return code, targets
+        return CancelCode.GOAL_TERMINATED if is_one and not targets else CancelCode.NONE, targets
 
     def wait_for_result(self, identity: bytes, request: Any) -> bool:  # noqa: ANN401 - a message
         """Keep a request for a result until its goal is over; False: answer it now."""
@@ -189,7 +184,3 @@ class ActionServer:
                     goal.status, goal.due = GoalStatus.SUCCEEDED, now
                 changes.append(goal)
         return changes
-
-
-def _is_cancelable(goal: Goal) -> bool:
-    return goal.status in {GoalStatus.ACCEPTED, GoalStatus.EXECUTING}

@@ -27,7 +27,7 @@ _KEPT: Final = 3
 _MOST_WRITERS: Final = 2000
 """Publishers that are listened to: a network of robots has fewer."""
 _DEPTH: Final = 10
-"""Of reliable topics and of replies, as rmw has it."""
+"""Of a topic, as rmw has it."""
 _BLOCK_MS: Final = 100
 """How long a reader that takes nothing may hold the robot up."""
 _REQUESTS_AT_ONCE: Final = 32
@@ -201,7 +201,7 @@ class Publisher:
         qos = Qos(
             reliability if reliable else Policy.Reliability.BestEffort,
             Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
-            Policy.History.KeepLast(1 if latched else _DEPTH if reliable else 5),
+            Policy.History.KeepLast(1 if latched else _DEPTH),
         )
         self._writers[topic] = _writer(self._participant, f"rt{topic}", self._types.idl(kind), qos)
 
