@@ -120,7 +120,7 @@ def _lines(source: RobotSource) -> Iterator[str]:
     yield translate(f"      until it is registered, its configuration is {size(source.size * _DAY_S)} a day, at 1 Hz")
 
 
-_ADDRESS = Word("address", "this computer's address in the robots' network, where it is not found by itself")
+ADDRESS = Word("address", "this computer's address in the robots' network, where it is not found by itself")
 
 ROBOT_DISCOVER = CommandSpec(
     "robot discover",
@@ -129,7 +129,7 @@ ROBOT_DISCOVER = CommandSpec(
     words=(
         Word("site", "the site, to whose LAN or VPN this computer is connected", required=True, example="coastal"),
         Word("for", "how long, from 5 seconds to an hour; 30 s if left out", example="30s"),
-        _ADDRESS,
+        ADDRESS,
         INVENTORY,
     ),
     flags=(JSON,),
@@ -214,7 +214,7 @@ ROBOT_MOCK = CommandSpec(
         Word("vehicle", "only these robots; all that the declaration has if left out", many=True, example="sparus"),
         Word("site", "for the listeners of this site; on this computer alone if left out", example="coastal"),
         Word("for", "how long, from 5 seconds to an hour; else until Ctrl-C", example="5m"),
-        _ADDRESS,
+        ADDRESS,
         INVENTORY,
     ),
     details=(

@@ -37,12 +37,12 @@ _POSITION: Final = (41.68, -8.83)
 
 
 def seconds_of(text: str) -> int:
-    """Return what `for=` says. Raises UsageError."""
+    """Return what `for=` and `observed=` say. Raises UsageError."""
     found = re.fullmatch(r"([0-9]{1,6})(s|m)?", text)
     seconds = int(found[1]) * (60 if found[2] == "m" else 1) if found else 0
     if not SHORTEST_S <= seconds <= LONGEST_S:
-        hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `for=30s`, `for=5m`"
-        raise UsageError(f"`for={text}` is no such time", hint=hint)
+        hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `30s`, `5m`"
+        raise UsageError(f"`{text}` is no such time", hint=hint)
     return seconds
 
 
