@@ -14,7 +14,7 @@ from atlantis_netcfg.robots.message_types import ros_type_name, stamp_of, topic_
 from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, content_hash
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from atlantis_netcfg.robots.message_types import MessageTypes
 
@@ -64,7 +64,14 @@ def domain(number: int, configuration: str) -> Iterator[int]:
 class RobotListener:
     """Hears every publisher of a domain, and counts the messages of those whose type is known."""
 
-    def __init__(self, number: int, types: MessageTypes, configuration_topic: str) -> None:
+    def __init__(
+        self,
+        number: int,
+        types: MessageTypes,
+        configuration_topic: str,
+        keep: Callable[[HeardWriter, bytes], None] | None = None,
+    ) -> None:
+        """`keep` is given every message of a known type."""
         from cyclonedds.builtin import (  # noqa: PLC0415 - as above
             BuiltinDataReader,
             BuiltinTopicDcpsParticipant,
@@ -77,6 +84,7 @@ class RobotListener:
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._types = types
         self._topic = configuration_topic
+        self._keep = keep
         self._readers: dict[tuple[str, str], Any] = {}
         self._writers: dict[str, HeardWriter] = {}
         self._handles: dict[int, str] = {}
@@ -109,10 +117,10 @@ class RobotListener:
         guid = str(self._participant.guid)
         for sample in self._people.take(N=_AT_ONCE):
             key = str(getattr(sample, "key", ""))
-            if key and key != guid:
+            if key and key != guid and sample.qos:  # one who leaves says nothing more
                 self._names[key] = _addresses(sample)
         for sample in self._publications.take(N=_AT_ONCE):
-            if hasattr(sample, "topic_name") and str(sample.participant_key) != guid:
+            if getattr(sample, "topic_name", None) and str(sample.participant_key) != guid:
                 self._publication(sample)
         for reader in list(self._readers.values()):
             for sample in reader.take(N=_AT_ONCE):
@@ -127,7 +135,8 @@ class RobotListener:
             return
         kind = ros_type_name(sample.type_name) or sample.type_name
         reliable = isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable)
-        self._writers[key] = HeardWriter(str(sample.participant_key), name, kind, reliable)
+        is_kept = sample.qos[Policy.Durability] == Policy.Durability.TransientLocal
+        self._writers[key] = HeardWriter(str(sample.participant_key), name, kind, reliable, is_kept)
         self._read(sample.topic_name, name, kind)
 
     def _read(self, dds_name: str, name: str, kind: str) -> None:
@@ -155,6 +164,8 @@ class RobotListener:
         writer.last_s = now
         writer.messages += 1
         writer.octets += len(data)
+        if self._keep is not None:
+            self._keep(writer, data)
         stamp = stamp_of(sample)
         if stamp is not None:
             age = time.time() - (stamp.sec + stamp.nanosec / 1e9)
@@ -184,17 +195,21 @@ class Publisher:
         self._types = types
         self._writers: dict[str, Any] = {}
 
-    def publish(self, topic: str, kind: str, message: Any, *, reliable: bool = False) -> None:  # noqa: ANN401 - a message
-        """Send a message on a topic of ROS, whose publisher is made with the first one."""
+    def offer(self, topic: str, kind: str, *, reliable: bool = False, transient_local: bool = False) -> None:
+        """Announce a topic of ROS, before its first message."""
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
         from cyclonedds.pub import DataWriter  # noqa: PLC0415 - as above
         from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
         from cyclonedds.util import duration  # noqa: PLC0415 - as above
 
+        reliability = Policy.Reliability.Reliable(duration(seconds=1)) if reliable else Policy.Reliability.BestEffort
+        durability = Policy.Durability.TransientLocal if transient_local else Policy.Durability.Volatile
+        qos = Qos(reliability, durability, Policy.History.KeepLast(5))
+        made = Topic(self._participant, f"rt{topic}", self._types.idl(kind))
+        self._writers[topic] = DataWriter(self._participant, made, qos=qos)
+
+    def publish(self, topic: str, kind: str, message: Any) -> None:  # noqa: ANN401 - a message
+        """Send a message on a topic of ROS, which is offered with the first one if it is not yet."""
         if topic not in self._writers:
-            reliability = (
-                Policy.Reliability.Reliable(duration(seconds=1)) if reliable else Policy.Reliability.BestEffort
-            )
-            made = Topic(self._participant, f"rt{topic}", self._types.idl(kind))
-            self._writers[topic] = DataWriter(self._participant, made, qos=Qos(reliability, Policy.History.KeepLast(5)))
+            self.offer(topic, kind)
         self._writers[topic].write(message)
