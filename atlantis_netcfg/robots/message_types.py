@@ -66,7 +66,9 @@ class MessageTypes:
         """`folder` is `robots/interfaces` of an inventory. Raises UsageError for a file of it that cannot be read."""
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415 - it brings numpy
 
-        self._fields: dict[str, Any] = dict(get_typestore(Stores.ROS2_FOXY).fielddefs)
+        self.store = get_typestore(Stores.ROS2_FOXY)
+        """For rosbags; of the files' types it has the definitions alone, for their classes would be made by `exec`."""
+        self._fields: dict[str, Any] = self.store.fielddefs
         for name, fields in _CANCEL_MESSAGES.items():
             (self._fields[name],) = get_types_from_msg(_text(fields), name).values()
         self._made: dict[str, type[IdlStruct]] = {}

@@ -44,7 +44,9 @@ class MockAction:
             self._results: self._get_result,
         }
         publisher.advertise(f"{self.name}/_action/feedback", f"{self._kind}_FeedbackMessage", reliable=True)
-        publisher.advertise(f"{self.name}/_action/status", f"{_STATUS}Array", reliable=True, latched=True)
+        publisher.advertise(
+            f"{self.name}/_action/status", f"{_STATUS}Array", reliable=True, transient_local=True, depth=1
+        )
         self._publish_states()
 
     def step(self, now: float, stamp_ns: int) -> None:

@@ -14,7 +14,7 @@ from atlantis_netcfg.robots.message_types import ros_type_name, stamp_of, topic_
 from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, content_hash
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from cyclonedds.idl import IdlStruct
 
@@ -75,7 +75,14 @@ def domain(number: int, configuration: str) -> Iterator[int]:
 class RobotListener:
     """Hears every publisher of a domain, and counts the messages of those whose type is known."""
 
-    def __init__(self, number: int, types: MessageTypes, configuration_topic: str) -> None:
+    def __init__(
+        self,
+        number: int,
+        types: MessageTypes,
+        configuration_topic: str,
+        keep: Callable[[HeardWriter, bytes], None] | None = None,
+    ) -> None:
+        """`keep` is given every message of a known type."""
         from cyclonedds.builtin import (  # noqa: PLC0415 - as above
             BuiltinDataReader,
             BuiltinTopicDcpsParticipant,
@@ -88,6 +95,7 @@ class RobotListener:
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._types = types
         self._topic = configuration_topic
+        self._keep = keep
         self._readers: dict[tuple[str, str], Any] = {}
         self._writers: dict[str, HeardWriter] = {}
         self._handles: dict[int, str] = {}
@@ -138,7 +146,8 @@ class RobotListener:
             return
         kind = ros_type_name(sample.type_name) or sample.type_name
         reliable = isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable)
-        self._writers[key] = HeardWriter(str(sample.participant_key), name, kind, reliable)
+        is_kept = sample.qos[Policy.Durability] == Policy.Durability.TransientLocal
+        self._writers[key] = HeardWriter(str(sample.participant_key), name, kind, reliable, is_kept)
         self._read(sample.topic_name, name, kind)
 
     def _read(self, dds_name: str, name: str, kind: str) -> None:
@@ -163,6 +172,8 @@ class RobotListener:
         writer.last_s = now
         writer.messages += 1
         writer.octets += len(data)
+        if self._keep is not None:
+            self._keep(writer, data)
         stamp = stamp_of(message)
         if stamp is not None:
             age = time.time() - (stamp.sec + stamp.nanosec / 1e9)
@@ -192,16 +203,18 @@ class Publisher:
         self._types = types
         self._writers: dict[str, Any] = {}
 
-    def advertise(self, topic: str, kind: str, *, reliable: bool = False, latched: bool = False) -> None:
-        """Make the publisher of a topic of ROS; a latched one gives its last message to those who come later."""
+    def advertise(
+        self, topic: str, kind: str, *, reliable: bool = False, transient_local: bool = False, depth: int = _DEPTH
+    ) -> None:
+        """Make the publisher of a topic; a transient-local one gives its last messages to those who come later."""
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
         from cyclonedds.util import duration  # noqa: PLC0415 - as above
 
         reliability = Policy.Reliability.Reliable(duration(milliseconds=_BLOCK_MS))
         qos = Qos(
             reliability if reliable else Policy.Reliability.BestEffort,
-            Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
-            Policy.History.KeepLast(1 if latched else _DEPTH),
+            Policy.Durability.TransientLocal if transient_local else Policy.Durability.Volatile,
+            Policy.History.KeepLast(depth),
         )
         self._writers[topic] = _writer(self._participant, f"rt{topic}", self._types.idl(kind), qos)
 
