@@ -136,9 +136,9 @@ class ActionServer:
         if identity in self.goals:
             raise GoalRefusal("there was a goal with this id")
         if active and self.one_at_a_time:
-            raise GoalRefusal("another plan is carried out at the moment")
+            raise GoalRefusal("another plan is still running")
         if len(active) >= MOST_GOALS:
-            raise GoalRefusal(f"{MOST_GOALS} goals are carried out at the moment")
+            raise GoalRefusal(f"{MOST_GOALS} goals are still running")
         if len(self.goals) >= MOST_GOALS:
             del self.goals[next(key for key, goal in self.goals.items() if goal.status.is_terminal)]
         self.goals[identity] = Goal(identity, stamp_ns, plan, now)

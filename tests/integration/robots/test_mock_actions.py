@@ -207,7 +207,7 @@ def test_what_is_refused_says_why(session: Session) -> None:
     output = "\n".join(session.mock.lines)
     for line in (
         "/sparus/start_survey: goal refused: /sparus/at_surface must be true and is not",
-        "/sparus/execute_plan: goal refused: another plan is carried out at the moment",
+        "/sparus/execute_plan: goal refused: another plan is still running",
         "/sparus/execute_plan: goal refused: the indices of its steps do not count from 0",
         "/sparus/execute_plan: goal refused: the data of step 0 is no JSON object",
         "/sparus/surface: request not understood: its sender needs rmw_cyclonedds_cpp",

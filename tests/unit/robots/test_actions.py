@@ -50,7 +50,7 @@ def test_two_commands_are_carried_out_side_by_side_and_two_plans_are_not() -> No
     accept(commands, TWO)
     assert [row[1] for row in run(commands, 1)] == [b"\x01", b"\x02", b"\x01", b"\x02"]
     accept(plans, plan=PLAN)
-    with pytest.raises(GoalRefusal, match="another plan is carried out at the moment"):
+    with pytest.raises(GoalRefusal, match="another plan is still running"):
         accept(plans, TWO, PLAN)
     run(plans, 3)
     assert accept(plans, TWO, PLAN, now=4.0).status is GoalStatus.ACCEPTED
@@ -123,7 +123,7 @@ def test_a_flood_of_goals_is_bounded() -> None:
     identities = [number.to_bytes(16, "big") for number in range(1, 200)]
     for identity in identities[: actions.MOST_GOALS]:
         accept(server, identity)
-    with pytest.raises(GoalRefusal, match="64 goals are carried out at the moment"):
+    with pytest.raises(GoalRefusal, match="64 goals are still running"):
         accept(server, identities[-1])
     run(server, 3)
     for identity in identities[actions.MOST_GOALS : actions.MOST_GOALS + 9]:
