@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, Arguments, CommandSpec, Group, Word
 from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
@@ -129,10 +129,16 @@ ROBOT_DISCOVER = CommandSpec(
     words=(
         Word("site", "the site, to whose LAN or VPN this computer is connected", required=True, example="coastal"),
         Word("for", "how long, from 5 seconds to an hour; 30 s if left out", example="30s"),
+        Word(
+            "from",
+            "the gateway or control centre that listens, over SSH; this computer if left out",
+            example="scc-control",
+        ),
         _ADDRESS,
+        Word("save", "write the file of this robot as it was heard, once its vehicle is declared", example="lauv"),
         INVENTORY,
     ),
-    flags=(JSON,),
+    flags=(JSON, ASK_VAULT_PASS),
     details=(
         "From this computer, without ROS; nothing is sent but the announcements of DDS, about 1 MB a minute. Topics of "
         "ROS 2 alone are heard, in the domain of the pilot. Exit code 0: every robot that is tested there was heard "
@@ -148,10 +154,16 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     declaration, site = _declaration(arguments), arguments.word("site")
     _require_site(declaration, site)
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
-    observation, reports = robots.discover(declaration, site, seconds, arguments.optional("address"))
+    observation, reports = _listen(arguments, declaration, site, seconds)
     code = robots.ending(reports, observation)
+    saved = None
+    if (namespace := arguments.optional("save")) is not None:
+        from atlantis_netcfg.cli._passphrase import vault_of
+
+        saved = robots.save(declaration, namespace, observation, vault_of(arguments).encrypt)
     if arguments.flag("json"):
-        print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports)}))
+        more = {"saved": None if saved is None else str(saved)}
+        print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports), **more}))
         return code
     for report in reports:
         for line in _report_lines(report):
@@ -159,9 +171,35 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     count = len(observation.participants)
     number = robots.dds_of(declaration).domain
     print(translate(f"participants of domain {number} that were heard in {observation.seconds:.0f} s: {count}"))
+    if observation.program == "rclpy":
+        print(translate("heard by ROS 2's own library, with which this was never tried: docs/robots.md"))
+    if saved is not None:
+        print(translate(f"{saved} was written, its token encrypted: look at it before you keep it"))
     if not count:
         print(translate("silence proves nothing: is a robot on, in this network, and in this domain?"))
     return code
+
+
+def _listen(
+    arguments: Arguments, declaration: Declaration, site: str, seconds: int
+) -> tuple[Observation, list[RobotReport]]:
+    """Listen here, or at the computer of `from=`. Raises UsageError, ListeningFailed."""
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.declaration.findings import meant
+    from atlantis_netcfg.declaration.model import ServerComputer
+    from atlantis_netcfg.operations import robots, robots_remote
+
+    address, place = arguments.optional("address"), arguments.optional("from")
+    if place is None:
+        return robots.discover(declaration, site, seconds, address)
+    if address is not None:
+        raise UsageError("`address=` is one of this computer, and `from=` names another", hint="leave one of them out")
+    if place not in declaration.hosts:
+        computers = [host.name for host in declaration.hosts.values() if isinstance(host.device, ServerComputer)]
+        raise UsageError(f"`from={place}` is no host of the inventory", hint=meant(place, computers, none=""))
+    robots.robots_of(declaration)
+    observation = robots_remote.listen_there(declaration, declaration.hosts[place], seconds, sites=[site])
+    return observation, robots.compare(declaration, site, observation)
 
 
 def _report_lines(report: RobotReport) -> Iterator[str]:
@@ -179,6 +217,7 @@ def _report_lines(report: RobotReport) -> Iterator[str]:
 def _heard_as_json(observation: Observation, reports: Sequence[RobotReport]) -> dict[str, object]:
     return {
         "seconds": round(observation.seconds, 1),
+        "program": observation.program,
         "participants": observation.participants,
         "robots": [
             {

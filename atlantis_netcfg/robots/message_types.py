@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.loading import content, shown_path
+from atlantis_netcfg.robots.listener import IdlTypes
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,23 +21,6 @@ if TYPE_CHECKING:
 INTERFACES = "interfaces"
 """Below `robots/` of an inventory: `<package>/msg/<Name>.msg` and `<package>/action/<Name>.action`."""
 _ACTION_PARTS = ("Goal", "Result", "Feedback")
-_BASES = {
-    "bool": "bool",
-    "byte": "uint8",
-    "char": "uint8",
-    "float32": "float32",
-    "float64": "float64",
-    "int8": "int8",
-    "int16": "int16",
-    "int32": "int32",
-    "int64": "int64",
-    "octet": "uint8",
-    "uint8": "uint8",
-    "uint16": "uint16",
-    "uint32": "uint32",
-    "uint64": "uint64",
-}
-
 _ZEROS: dict[str, Any] = {"bool": False, "float32": 0.0, "float64": 0.0, "string": "", "wstring": ""}
 
 
@@ -47,28 +31,27 @@ class MessageTypes:
         """`folder` is `robots/interfaces` of an inventory. Raises UsageError for a file of it that cannot be read."""
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - it brings numpy
 
-        self._fields: dict[str, Any] = dict(get_typestore(Stores.ROS2_FOXY).fielddefs)
-        self._made: dict[str, type[IdlStruct]] = {}
+        definitions: dict[str, Any] = dict(get_typestore(Stores.ROS2_FOXY).fielddefs)
         for path in sorted(folder.glob("*/*/*")) if folder is not None and folder.is_dir() else ():
-            self._fields.update(_read(path))
+            definitions.update(_read(path))
+        self.fields = {name: fields for name, (_, fields) in definitions.items()}
+        """As `listener.IdlTypes` takes them, ready for JSON."""
+        self._types = IdlTypes(self.fields)
 
     def __contains__(self, name: str) -> bool:
-        return name in self._fields
+        return name in self.fields
 
     def names(self) -> list[str]:
         """Every known type."""
-        return sorted(self._fields)
+        return sorted(self.fields)
 
     def idl(self, name: str) -> type[IdlStruct]:
         """The type of a message for DDS. Raises UsageError where it, or one that it holds, is not known."""
-        if name not in self._made:
-            from cyclonedds.idl import make_idl_struct  # noqa: PLC0415 - there is none for aarch64
-
-            fields = {field: self._idl_of(node, name) for field, node in self._definition(name)}
-            # A message without a field has one in DDS, as rosidl makes it.
-            fields = fields or {"structure_needs_at_least_one_member": _base("uint8")}
-            self._made[name] = make_idl_struct(name.rpartition("/")[2], dds_type_name(name), fields)
-        return self._made[name]
+        try:
+            made: type[IdlStruct] = self._types.idl(name)
+        except LookupError as error:
+            raise _unknown(str(error.args[0])) from None
+        return made
 
     def empty(self, name: str) -> Any:  # noqa: ANN401 - a message of that type
         """A message with zeros and empty texts."""
@@ -76,31 +59,10 @@ class MessageTypes:
         return self.idl(name)(**(values or {"structure_needs_at_least_one_member": 0}))
 
     def _definition(self, name: str) -> list[tuple[str, Any]]:
-        if name not in self._fields:
-            raise UsageError(
-                f"the type {name} is not known",
-                hint=f"put its file into robots/{INTERFACES}/{name}.msg of the inventory",
-            )
-        fields: list[tuple[str, Any]] = self._fields[name][1]
+        if name not in self.fields:
+            raise _unknown(name)
+        fields: list[tuple[str, Any]] = self.fields[name]
         return fields
-
-    def _idl_of(self, node: Any, name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
-        from cyclonedds.idl import types  # noqa: PLC0415 - as above
-
-        made: Any = types  # its types are made by `[…]`, of which its annotations know nothing
-        kind, of = node
-        match int(kind):
-            case 1:
-                return (
-                    _base(of[0]) if of[0] not in {"string", "wstring"} else (made.bounded_str[of[1]] if of[1] else str)
-                )
-            case 2:
-                return self.idl(of)
-            case 3:
-                return made.array[self._idl_of(of[0], name), of[1]]
-            case _:
-                item = self._idl_of(of[0], name)
-                return made.sequence[item, of[1]] if of[1] else made.sequence[item]
 
     def _empty_of(self, node: Any) -> Any:  # noqa: ANN401 - a value of a message
         kind, of = node
@@ -115,32 +77,9 @@ class MessageTypes:
                 return []
 
 
-def dds_type_name(name: str) -> str:
-    """`std_msgs/msg/String` as DDS calls it."""
-    package, _, short = name.rpartition("/")
-    return f"{package.replace('/', '::')}::dds_::{short}_"
-
-
-def ros_type_name(name: str) -> str | None:
-    """The same back; None for a type that is not of ROS."""
-    found = re.fullmatch(r"((?:\w+::)+)dds_::(\w+)_", name)
-    return f"{found[1].replace('::', '/')}{found[2]}" if found else None
-
-
-def stamp_of(message: Any) -> Any:  # noqa: ANN401 - a message, and its `builtin_interfaces/Time`
-    """When a message says that it was made, by itself or by its header; None: it does not say."""
-    return getattr(message, "stamp", None) or getattr(getattr(message, "header", None), "stamp", None)
-
-
-def topic_name(dds_name: str) -> str | None:
-    """The topic of ROS that a topic of DDS stands for; None: it is none (`rq/`, `rr/`, or another program's)."""
-    return dds_name.removeprefix("rt") if dds_name.startswith("rt/") else None
-
-
-def _base(name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
-    from cyclonedds.idl import types  # noqa: PLC0415 - as above
-
-    return bool if name == "bool" else getattr(types, _BASES[name])
+def _unknown(name: str) -> UsageError:
+    hint = f"put its file into robots/{INTERFACES}/{name}.msg of the inventory"
+    return UsageError(f"the type {name} is not known", hint=hint)
 
 
 def _read(path: Path) -> dict[str, Any]:

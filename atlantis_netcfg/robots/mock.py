@@ -9,14 +9,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.declaration.model.robot import TopicKind
-from atlantis_netcfg.robots.message_types import stamp_of
-from atlantis_netcfg.robots.network import CONFIGURATION_TYPE, Publisher
+from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE, stamp_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from atlantis_netcfg.declaration.model.robot import PublishedTopic, RobotFile
     from atlantis_netcfg.robots.message_types import MessageTypes
+    from atlantis_netcfg.robots.network import Publisher
 
 RATES_HZ: Mapping[TopicKind, float] = {
     TopicKind.BOOLEAN: 2.0,

@@ -5,26 +5,22 @@ cyclonedds is driven by polling in one thread. A domain is configured once a pro
 
 from __future__ import annotations
 
-import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.robots.message_types import ros_type_name, stamp_of, topic_name
-from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, content_hash
+from atlantis_netcfg.robots.listener import CycloneListener, OtherDomains, listen, open_domain
+from atlantis_netcfg.robots.observation import read_heard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.robots.message_types import MessageTypes
+    from atlantis_netcfg.robots.observation import Observation
 
-_POLL_S: Final = 0.02
-_AT_ONCE: Final = 64
-_KEPT: Final = 3
-"""Different messages that are remembered of a topic."""
-_MOST_WRITERS: Final = 2000
-"""Publishers that are listened to: a network of robots has fewer."""
-CONFIGURATION_TYPE: Final = "std_msgs/msg/String"
+ANNOUNCE_S: Final = 2
+_LEASE_S: Final = 120
+"""Longer than a satellite is silent: after that messages come again, without finding each other anew."""
 
 
 def profile(address: str, peers: Sequence[str], participants: int) -> str:
@@ -37,7 +33,9 @@ def profile(address: str, peers: Sequence[str], participants: int) -> str:
         '<CycloneDDS><Domain Id="any"><General><Interfaces>'
         f'<NetworkInterface address="{address}"/></Interfaces><AllowMulticast>spdp</AllowMulticast></General>'
         f"<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{participants}"
-        f"</MaxAutoParticipantIndex><SPDPInterval>2s</SPDPInterval><Peers>{rows}</Peers></Discovery><Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>"
+        f"</MaxAutoParticipantIndex><SPDPInterval>{ANNOUNCE_S}s</SPDPInterval><LeaseDuration>{_LEASE_S}s</LeaseDuration>"
+        f"<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay><Peers>{rows}</Peers></Discovery>"
+        "<Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>"
     )
 
 
@@ -46,12 +44,11 @@ def domain(number: int, configuration: str) -> Iterator[int]:
     """A domain of DDS with a profile of its own, whatever this computer's environment says. Raises UsageError."""
     try:
         from cyclonedds.core import DDSException  # noqa: PLC0415 - there is none for aarch64
-        from cyclonedds.domain import Domain  # noqa: PLC0415 - as above
     except ImportError as error:
         hint = "PyPI has none for aarch64: use a laptop with an x86_64 processor"
         raise UsageError("cyclonedds is not installed on this computer", hint=hint) from error
     try:
-        made = Domain(number, configuration)
+        made = open_domain(number, configuration)
     except DDSException as error:
         hint = "is the address one of this computer's, and the interface up? `ip address` shows both"
         raise UsageError(f"no participant of DDS can be made here: {error}", hint=hint) from error
@@ -64,114 +61,14 @@ def domain(number: int, configuration: str) -> Iterator[int]:
 class RobotListener:
     """Hears every publisher of a domain, and counts the messages of those whose type is known."""
 
-    def __init__(self, number: int, types: MessageTypes, configuration_topic: str) -> None:
-        from cyclonedds.builtin import (  # noqa: PLC0415 - as above
-            BuiltinDataReader,
-            BuiltinTopicDcpsParticipant,
-            BuiltinTopicDcpsPublication,
-        )
-        from cyclonedds.domain import DomainParticipant  # noqa: PLC0415 - as above
-
-        self._participant = DomainParticipant(number)
-        self._people = BuiltinDataReader(self._participant, BuiltinTopicDcpsParticipant)
-        self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
-        self._types = types
-        self._topic = configuration_topic
-        self._readers: dict[tuple[str, str], Any] = {}
-        self._writers: dict[str, HeardWriter] = {}
-        self._handles: dict[int, str] = {}
-        self._began = time.monotonic()
-        self._texts: dict[str, bytes] = {}
-        self._names: dict[str, str] = {}
-        self._unread: dict[str, str] = {}
+    def __init__(self, number: int, types: MessageTypes, configuration_topic: str, address: str | None = None) -> None:
+        """`address`: of this computer, where other domains are listened to as well."""
+        self._listener = CycloneListener(number, types, configuration_topic)
+        self._others = OtherDomains(number, address) if address is not None else None
 
     def listen(self, seconds: float) -> Observation:
         """Listen so long, and say what was heard since the beginning."""
-        until = time.monotonic() + seconds
-        while (now := time.monotonic()) < until:
-            self.poll()
-            time.sleep(min(_POLL_S, max(0.0, until - now)))
-        return self.observation()
-
-    def observation(self) -> Observation:
-        """What was heard up to now."""
-        rows = [HeardConfiguration(self._writers[key], text) for key, text in self._texts.items()]
-        silent = [
-            writer for key, writer in self._writers.items() if key not in self._texts and writer.topic == self._topic
-        ]
-        rows += [HeardConfiguration(writer, b"") for writer in silent if writer.messages]
-        seconds = time.monotonic() - self._began
-        others = [writer for writer in self._writers.values() if writer.topic != self._topic]
-        return Observation(seconds, dict(self._names), others, rows, dict(self._unread))
-
-    def poll(self) -> None:
-        """Take what has arrived."""
-        guid = str(self._participant.guid)
-        for sample in self._people.take(N=_AT_ONCE):
-            key = str(getattr(sample, "key", ""))
-            if key and key != guid:
-                self._names[key] = _addresses(sample)
-        for sample in self._publications.take(N=_AT_ONCE):
-            if hasattr(sample, "topic_name") and str(sample.participant_key) != guid:
-                self._publication(sample)
-        for reader in list(self._readers.values()):
-            for sample in reader.take(N=_AT_ONCE):
-                if sample.sample_info.valid_data:
-                    self._message(reader, sample)
-
-    def _publication(self, sample: Any) -> None:  # noqa: ANN401 - cyclonedds' endpoint
-        from cyclonedds.core import Policy  # noqa: PLC0415 - as above
-
-        name, key = topic_name(sample.topic_name), str(sample.key)
-        if name is None or key in self._writers or len(self._writers) >= _MOST_WRITERS:
-            return
-        kind = ros_type_name(sample.type_name) or sample.type_name
-        reliable = isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable)
-        self._writers[key] = HeardWriter(str(sample.participant_key), name, kind, reliable)
-        self._read(sample.topic_name, name, kind)
-
-    def _read(self, dds_name: str, name: str, kind: str) -> None:
-        from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
-        from cyclonedds.sub import DataReader  # noqa: PLC0415 - as above
-        from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
-
-        if kind not in self._types:
-            self._unread[name] = kind
-        elif (dds_name, kind) not in self._readers:
-            qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(_AT_ONCE))
-            topic = Topic(self._participant, dds_name, self._types.idl(kind))
-            self._readers[dds_name, kind] = DataReader(self._participant, topic, qos=qos)
-
-    def _message(self, reader: Any, sample: Any) -> None:  # noqa: ANN401 - of cyclonedds
-        handle = sample.sample_info.publication_handle
-        if handle not in self._handles:
-            endpoint = reader.get_matched_publication_data(handle)
-            self._handles[handle] = str(endpoint.key) if endpoint is not None else ""
-        writer = self._writers.get(self._handles[handle])
-        if writer is None:
-            return
-        data, now = sample.serialize(), time.monotonic()
-        writer.first_s = writer.first_s if writer.messages else now
-        writer.last_s = now
-        writer.messages += 1
-        writer.octets += len(data)
-        stamp = stamp_of(sample)
-        if stamp is not None:
-            age = time.time() - (stamp.sec + stamp.nanosec / 1e9)
-            writer.stamp_age_s = age if writer.stamp_age_s is None else max(age, writer.stamp_age_s, key=abs)
-            stamp.sec = stamp.nanosec = 0
-        if len(writer.contents) < _KEPT:
-            writer.contents.add(content_hash(sample.serialize() if stamp is not None else data))
-        if writer.topic == self._topic and writer.type == CONFIGURATION_TYPE:
-            self._texts[self._handles[handle]] = str(sample.data).encode()
-
-
-def _addresses(sample: Any) -> str:  # noqa: ANN401 - cyclonedds' participant
-    """What a participant says of where it is, else its key."""
-    from cyclonedds.core import Policy  # noqa: PLC0415, F401 - the policies are registered by it
-
-    properties = {each.key: each.value for each in sample.qos if type(each).__name__ == "Property"}
-    return properties.get("__NetworkAddresses") or properties.get("__Hostname") or str(sample.key)
+        return read_heard(listen(self._listener, seconds, self._others))
 
 
 class Publisher:
