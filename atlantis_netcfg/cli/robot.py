@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    Arguments,
+    CommandSpec,
+    Group,
+    Word,
+)
 from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from atlantis_netcfg.declaration import Declaration, Finding
     from atlantis_netcfg.declaration.robots.key_names import KeyNames
@@ -138,9 +147,9 @@ ROBOT_DISCOVER = CommandSpec(
         Word("save", "write the file of this robot as it was heard, once its vehicle is declared", example="lauv"),
         INVENTORY,
     ),
-    flags=(JSON, ASK_VAULT_PASS),
+    flags=(JSON, ACCEPT_COST, ASK_VAULT_PASS),
     details=(
-        "From this computer, without ROS; nothing is sent but the announcements of DDS, about 1 MB a minute. Topics of "
+        "From this computer, without ROS; nothing is sent but announcements of DDS, about 0.3 MB a minute. Topics of "
         "ROS 2 alone are heard, in the domain of the pilot. Exit code 0: every robot that is tested there was heard "
         "and is as it says; 6: one was not, a stranger was heard, or nothing at all."
     ),
@@ -191,15 +200,39 @@ def _listen(
 
     address, place = arguments.optional("address"), arguments.optional("from")
     if place is None:
+        _pay(arguments, declaration, site, seconds, lambda: robots.listening_address(declaration, site, address))
         return robots.discover(declaration, site, seconds, address)
     if address is not None:
         raise UsageError("`address=` is one of this computer, and `from=` names another", hint="leave one of them out")
     if place not in declaration.hosts:
         computers = [host.name for host in declaration.hosts.values() if isinstance(host.device, ServerComputer)]
         raise UsageError(f"`from={place}` is no host of the inventory", hint=meant(place, computers, none=""))
-    robots.robots_of(declaration)
-    observation = robots_remote.listen_there(declaration, declaration.hosts[place], seconds, sites=[site])
+    host = declaration.hosts[place]
+    device = robots_remote.listening_computer(declaration, host)
+    _pay(arguments, declaration, site, seconds, lambda: str(device.address))
+    observation = robots_remote.listen_there(declaration, host, seconds, sites=[site])
     return observation, robots.compare(declaration, site, observation)
+
+
+def _pay(arguments: Arguments, declaration: Declaration, site: str, seconds: int, address: Callable[[], str]) -> None:
+    """Ask for consent where listening brings the robots' topics over a link that is paid by the byte."""
+    from atlantis_netcfg.bearers.cost import CostRefused
+    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.operations.robots_cost import listening_cost
+
+    cost, gateway = listening_cost(declaration, site, seconds, address), declaration.computer_of(site)
+    if cost is None:
+        return
+    place = f"`from={gateway.name}`" if gateway is not None else site
+    hint = f"type the same with `--accept-cost`, or listen at the site: {place}"
+    if cost.over_cap:
+        hint = f"listen at the site: {place}"
+    try:
+        if cost.over_cap:
+            raise cost.refusal()
+        pay([cost.words], accepted=arguments.flag("accept-cost"), as_json=arguments.flag("json"))
+    except CostRefused as error:
+        raise CostRefused(str(error), hint=hint) from None
 
 
 def _report_lines(report: RobotReport) -> Iterator[str]:

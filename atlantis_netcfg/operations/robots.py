@@ -83,7 +83,7 @@ def own_address(declaration: Declaration, site: str) -> str:
         return str(probe.getsockname()[0])
 
 
-def _address(declaration: Declaration, site: str, address: str | None) -> str:
+def listening_address(declaration: Declaration, site: str, address: str | None) -> str:
     """The named address, else the one that leads to the site; what is real leaves this computer. Raises UsageError."""
     try:
         if address is not None and IPv4Address(address).is_loopback:
@@ -140,7 +140,7 @@ def discover(
     _, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
-    local = _address(declaration, site, address)
+    local = listening_address(declaration, site, address)
     with domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number:
         observation = RobotListener(number, types, names.configuration_topic, local).listen(seconds)
     return observation, compare(declaration, site, observation)
@@ -219,7 +219,7 @@ def mock_place(declaration: Declaration, site: str | None, address: str | None) 
     if site is None:
         return MockPlace(address or LOOPBACK, ())
     # Not where robots may be: what goes to many addresses that nobody has fills the buffer that all else waits in.
-    return MockPlace(_address(declaration, site, address), computers_of(declaration, [site]))
+    return MockPlace(listening_address(declaration, site, address), computers_of(declaration, [site]))
 
 
 def mock(

@@ -47,6 +47,14 @@ class ListeningFailed(NetcfgError):
     exit = ExitCode.CHECKS_FAILED
 
 
+def listening_computer(declaration: Declaration, host: Host) -> ServerComputer:
+    """The computer of a host that can listen. Raises UsageError for one that uses no DDS."""
+    if not isinstance(host.device, ServerComputer):
+        there = ", ".join(each.name for each in declaration.hosts.values() if isinstance(each.device, ServerComputer))
+        raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
+    return host.device
+
+
 def listen_there(
     declaration: Declaration,
     host: Host,
@@ -59,10 +67,8 @@ def listen_there(
 
     Raises ListeningFailed, and UsageError for a computer that uses no DDS or has an address of an example.
     """
-    device, dds, request = host.device, dds_of(declaration), request or Request()
-    if not isinstance(device, ServerComputer):
-        there = ", ".join(each.name for each in declaration.hosts.values() if isinstance(each.device, ServerComputer))
-        raise UsageError(f"`{host.name}` is a {device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
+    dds, request = dds_of(declaration), request or Request()
+    device = listening_computer(declaration, host)
     refuse_examples(declaration, rehearsed=request.rehearsed)
     if sites is None:
         sites = list(declaration.sites) if isinstance(device, ControlCentre) else [host.site]

@@ -194,6 +194,16 @@ class _HeardLog:
         self.writers[key] = {**row, "messages": 0, "octets": 0, "first_s": 0.0, "last_s": 0.0, "contents": []}
         return True
 
+    def add_text(self, key: str, text: str) -> None:
+        """Remember the last configuration of a publisher."""
+        if key in self.texts or len(self.texts) < _MOST_TEXTS:
+            self.texts[key] = text[:_LONGEST]
+
+    def add_participant(self, key: str, addresses: str) -> None:
+        """Take a participant in, unless there are too many."""
+        if key in self.participants or len(self.participants) < _MOST_WRITERS:
+            self.participants[key] = addresses
+
     def count(self, key: str, octets: int, content: bytes, stamp_s: float | None) -> None:
         """Count a message; `content` is what of it changes when the robot moves, not its stamp."""
         row, now = self.writers[key], time.monotonic()
@@ -261,7 +271,7 @@ class CycloneListener:
         for sample in self._people.take(N=_AT_ONCE):
             key = str(getattr(sample, "key", ""))
             if key and key != guid:
-                self.log.participants[key] = _addresses(sample)
+                self.log.add_participant(key, _addresses(sample))
         for sample in self._publications.take(N=_AT_ONCE):
             if hasattr(sample, "topic_name") and str(sample.participant_key) != guid:
                 self._publication(sample)
@@ -311,7 +321,7 @@ class CycloneListener:
         self.log.count(key, len(data), content, stamp_s)
         row = self.log.writers[key]
         if row["topic"] == self.log.topic and row["type"] == CONFIGURATION_TYPE:
-            self.log.texts[key] = str(sample.data)[:_LONGEST]
+            self.log.add_text(key, str(sample.data))
 
 
 def _addresses(sample: Any) -> str:  # noqa: ANN401 - cyclonedds' participant
@@ -350,7 +360,7 @@ class RosListener:
 
     def _publisher(self, topic: str, publisher: Any) -> None:  # noqa: ANN401 - rclpy's TopicEndpointInfo
         participant = bytes(publisher.endpoint_gid)[:_PREFIX_BYTES].hex()
-        self.log.participants[participant] = f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"
+        self.log.add_participant(participant, f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}")
         self._publishers.setdefault(topic, set()).add(participant)
         kind = publisher.topic_type
         if (topic, kind) in self._subscriptions or len(self._subscriptions) >= _MOST_WRITERS:
@@ -389,11 +399,8 @@ class RosListener:
             sole = len(self._publishers[topic]) == 1
             participant = next(iter(self._publishers[topic])) if sole else f"text {content_hash(data)}"
             key = f"{key} {participant}"
-            if len(self.log.texts) < _MOST_TEXTS:
-                self.log.add_writer(key, participant, topic, kind, reliable=False)
-            if key not in self.log.writers:
-                return
-            self.log.texts[key] = text
+            self.log.add_writer(key, participant, topic, kind, reliable=False)
+            self.log.add_text(key, text)
         elif stamped and len(data) >= _STAMP_END:
             seconds, nanoseconds = struct.unpack_from(f"{order}iI", data, _BODY)
             stamp_s, content = seconds + nanoseconds / 1e9, data[_STAMP_END:]

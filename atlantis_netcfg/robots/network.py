@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.robots.message_types import MessageTypes
     from atlantis_netcfg.robots.observation import Observation
 
-ANNOUNCE_S: Final = 2
+ANNOUNCE_S: Final = 10
 _LEASE_S: Final = 120
 """Longer than a satellite is silent: after that messages come again, without finding each other anew."""
 

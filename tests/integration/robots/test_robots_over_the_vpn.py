@@ -131,7 +131,7 @@ def test_robots_are_heard_at_the_control_centre_and_again_after_an_outage(site: 
 def test_robots_of_another_domain_are_not_there_and_that_is_said(site: Site) -> None:
     robots = site.start(BEHIND, "foreign")
     wait_for(robots)
-    found = told(site.discover(LAN_GATEWAY, 6))
+    found = told(site.discover(LAN_GATEWAY, 12))
     robots.process.kill()
     assert found["others"] == {AT[BEHIND]: [robots_far.FOREIGN]}
     assert found["robots"]["away"] == ["missing", "other-domain", "robot-missing"]
