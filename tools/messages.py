@@ -83,6 +83,7 @@ OUT: Mapping[str, str] = {
     "bearers/lte/at.py": "commands and answers of modems; what is judged of them stands in judge.py",
     "bearers/lte/rutos_read.py": "keys and answers of a router's JSON",
     "checklist/probes/agent": "a program that runs on the gateway; what it saw is data, judged by the probes",
+    "robots/listener.py": "a program that runs on other computers; what it heard is data",
     "core/reading_programs.py": "the closed list of programs",
     "checklist/runner/simulated": "what emulated computers print",
     "cli/vpn/__init__.py": "it holds nothing",

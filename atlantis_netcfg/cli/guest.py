@@ -300,6 +300,8 @@ def _end(arguments: Arguments) -> ExitCode:
     due = _to_revoke(authority, known)
     steps = [f"put {member.name} out of the VPN, for good" for member in due]
     steps += [f"take {name} out of {guests.FILE}"] if guest is not None else []
+    robot = guests.robot_file(before.root, name)
+    steps += [f"remove {robot.parent.name}/{robot.name}"] if robot.exists() else []
     if arguments.flag("plan"):
         return _tell_plan(arguments, steps)
     if steps:
@@ -307,6 +309,7 @@ def _end(arguments: Arguments) -> ExitCode:
     deployed = _put_out(arguments, after, authority, due, reason) if due else Deployed()
     if guest is not None:
         inventory_files.write(before.root, guests.FILE, text)
+    robot.unlink(missing_ok=True)
     guests.remove_handouts(authority, known)
     left = guests.left_over(before.root, authority, name)
     return _tell_end(arguments, known, deployed, left, already=not steps)

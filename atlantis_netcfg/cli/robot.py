@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    Arguments,
+    CommandSpec,
+    Flag,
+    Group,
+    Word,
+)
 from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from atlantis_netcfg.declaration import Declaration, Finding
     from atlantis_netcfg.declaration.robots.key_names import KeyNames
@@ -132,13 +142,19 @@ ROBOT_DISCOVER = CommandSpec(
     words=(
         Word("site", "the site, to whose LAN or VPN this computer is connected", required=True, example="coastal"),
         Word("for", "how long, from 5 seconds to an hour; 30 s if left out", example="30s"),
-        Word("record", "write all messages into this new folder, as a bag of rosbag2", example="bags/quay"),
+        Word(
+            "from",
+            "the gateway or control centre that listens, over SSH; this computer if left out",
+            example="scc-control",
+        ),
         ADDRESS,
+        Word("record", "write all messages into this new folder, as a bag of rosbag2", example="bags/quay"),
+        Word("save", "write the file of this robot as it was heard, once its vehicle is declared", example="lauv"),
         INVENTORY,
     ),
-    flags=(JSON,),
+    flags=(JSON, ACCEPT_COST, ASK_VAULT_PASS),
     details=(
-        "From this computer, without ROS; nothing is sent but the announcements of DDS, about 1 MB a minute. Topics of "
+        "From this computer, without ROS; nothing is sent but announcements of DDS, about 0.3 MB a minute. Topics of "
         "ROS 2 alone are heard, in the domain of the pilot. A recording holds the robots' tokens: its folder is for "
         "you alone. It ends at 1 GB. Exit code 0: every robot that is tested there was heard and is as it says; 6: one "
         "was not, a stranger was heard, or nothing at all, or the recording ended early."
@@ -153,10 +169,9 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     declaration, site = _declaration(arguments), arguments.word("site")
     _require_site(declaration, site)
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
-    folder = arguments.optional("record")
-    record = robots.recorder(declaration, folder) if folder is not None else None
+    record = _record(arguments, declaration)
     try:
-        observation, reports = robots.discover(declaration, site, seconds, arguments.optional("address"), record)
+        observation, reports = _listen(arguments, declaration, site, seconds, record)
     except KeyboardInterrupt:
         if not arguments.flag("json"):
             _tell_recording(record)
@@ -164,20 +179,47 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     code = robots.ending(reports, observation)
     if record is not None and record.reason:
         code = ExitCode.CHECKS_FAILED
+    saved = None
+    if (namespace := arguments.optional("save")) is not None:
+        from atlantis_netcfg.cli._passphrase import vault_of
+
+        saved = robots.save(declaration, namespace, observation, vault_of(arguments).encrypt)
     if arguments.flag("json"):
-        recording = {} if record is None else {"recording": record.as_dict()}
-        print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports), **recording}))
+        more: dict[str, object] = {"saved": None if saved is None else str(saved)}
+        if record is not None:
+            more["recording"] = record.as_dict()
+        print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports), **more}))
         return code
+    _tell_reports(reports, observation, robots.dds_of(declaration).domain)
+    if saved is not None:
+        print(translate(f"{saved} was written, its token encrypted: look at it before you keep it"))
+    _tell_recording(record)
+    return code
+
+
+def _record(arguments: Arguments, declaration: Declaration) -> BagRecorder | None:
+    """What writes the recording that was asked for. Raises UsageError."""
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.operations import robots
+
+    folder = arguments.optional("record")
+    if folder is None:
+        return None
+    if arguments.optional("from") is not None:
+        raise UsageError("`record=` is of this computer, and `from=` names another", hint="leave one of them out")
+    return robots.recorder(declaration, folder)
+
+
+def _tell_reports(reports: Sequence[RobotReport], observation: Observation, number: int) -> None:
     for report in reports:
         for line in _report_lines(report):
             print(line)
     count = len(observation.participants)
-    number = robots.dds_of(declaration).domain
     print(translate(f"participants of domain {number} that were heard in {observation.seconds:.0f} s: {count}"))
+    if observation.program == "rclpy":
+        print(translate("heard by ROS 2's own library, with which this was never tried: docs/robots.md"))
     if not count:
         print(translate("silence proves nothing: is a robot on, in this network, and in this domain?"))
-    _tell_recording(record)
-    return code
 
 
 def _tell_recording(record: BagRecorder | None) -> None:
@@ -192,6 +234,52 @@ def _tell_recording(record: BagRecorder | None) -> None:
     print(translate(f"recorded in {shown_path(record.folder)}: {record.messages} messages, {size(record.octets)}"))
     if record.reason:
         print(translate(f"the recording ended early: {record.reason}"))
+
+
+def _listen(
+    arguments: Arguments, declaration: Declaration, site: str, seconds: int, record: BagRecorder | None
+) -> tuple[Observation, list[RobotReport]]:
+    """Listen here, or at the computer of `from=`. Raises UsageError, ListeningFailed."""
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.declaration.findings import meant
+    from atlantis_netcfg.declaration.model import ServerComputer
+    from atlantis_netcfg.operations import robots, robots_remote
+
+    address, place = arguments.optional("address"), arguments.optional("from")
+    if place is None:
+        _pay(arguments, declaration, site, seconds, lambda: robots.listening_address(declaration, site, address))
+        return robots.discover(declaration, site, seconds, address, record)
+    if address is not None:
+        raise UsageError("`address=` is one of this computer, and `from=` names another", hint="leave one of them out")
+    if place not in declaration.hosts:
+        computers = [host.name for host in declaration.hosts.values() if isinstance(host.device, ServerComputer)]
+        raise UsageError(f"`from={place}` is no host of the inventory", hint=meant(place, computers, none=""))
+    host = declaration.hosts[place]
+    device = robots_remote.listening_computer(declaration, host)
+    _pay(arguments, declaration, site, seconds, lambda: str(device.address))
+    observation = robots_remote.listen_there(declaration, host, seconds, sites=[site])
+    return observation, robots.compare(declaration, site, observation)
+
+
+def _pay(arguments: Arguments, declaration: Declaration, site: str, seconds: int, address: Callable[[], str]) -> None:
+    """Ask for consent where listening brings the robots' topics over a link that is paid by the byte."""
+    from atlantis_netcfg.bearers.cost import CostRefused
+    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.operations.robots_cost import listening_cost
+
+    cost, gateway = listening_cost(declaration, site, seconds, address), declaration.computer_of(site)
+    if cost is None:
+        return
+    place = f"`from={gateway.name}`" if gateway is not None else site
+    hint = f"type the same with `--accept-cost`, or listen at the site: {place}"
+    if cost.over_cap:
+        hint = f"listen at the site: {place}"
+    try:
+        if cost.over_cap:
+            raise cost.refusal()
+        pay([cost.words], accepted=arguments.flag("accept-cost"), as_json=arguments.flag("json"))
+    except CostRefused as error:
+        raise CostRefused(str(error), hint=hint) from None
 
 
 def _report_lines(report: RobotReport) -> Iterator[str]:
@@ -209,6 +297,7 @@ def _report_lines(report: RobotReport) -> Iterator[str]:
 def _heard_as_json(observation: Observation, reports: Sequence[RobotReport]) -> dict[str, object]:
     return {
         "seconds": round(observation.seconds, 1),
+        "program": observation.program,
         "participants": observation.participants,
         "robots": [
             {

@@ -14,6 +14,7 @@ from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, U
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import ETHERNET, Column, Guest
 from atlantis_netcfg.declaration.new_inventory.yaml_text import document
+from atlantis_netcfg.declaration.robots.reading import FOLDER
 from atlantis_netcfg.journal import os_errors_as
 
 if TYPE_CHECKING:
@@ -116,6 +117,11 @@ def declared_guest(declaration: Declaration, name: str) -> Guest | None:
     raise UsageError(f"`{name}` is declared in vehicles.yml, and no guest of this command", hint=hint)
 
 
+def robot_file(root: Path, name: str) -> Path:
+    """Where the configuration of its robot stands, if it was saved."""
+    return root / FOLDER / f"{name}.yml"
+
+
 def members_of(authority: Authority, name: str) -> tuple[Member, ...]:
     """Members of the VPN, good or not, that were let in as this vehicle."""
     members = authority.membership().members.values()
@@ -142,6 +148,8 @@ def left_over(root: Path, authority: Authority, name: str) -> tuple[str, ...]:
     found = []
     if name in load(root).vehicles:
         found.append(f"`{name}` still stands in {FILE}")
+    if (robot := robot_file(root, name)).exists():
+        found.append(f"{robot} is still there")
     for member in members_of(authority, name):
         if member.good:
             found.append(f"`{member.name}` still has a good certificate")

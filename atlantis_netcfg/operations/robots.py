@@ -8,21 +8,33 @@ import re
 import socket
 import time
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
 from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
+from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, complete
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import InventoryInvalid
-from atlantis_netcfg.declaration.model import ControlCentre, ServerComputer
-from atlantis_netcfg.declaration.robots.reading import FOLDER, NO_ROBOT_CONTACTED, key_names, load_robots
+from atlantis_netcfg.declaration.loading import shown_path
+from atlantis_netcfg.declaration.model import ControlCentre, Guest, ServerComputer
+from atlantis_netcfg.declaration.new_inventory.yaml_text import Vaulted, document
+from atlantis_netcfg.declaration.robots.reading import (
+    FOLDER,
+    NO_ROBOT_CONTACTED,
+    key_names,
+    load_robots,
+    read_published,
+)
+from atlantis_netcfg.journal import os_errors_as, write_atomically
 from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
 from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile
-from atlantis_netcfg.robots.observation import RobotState, judge
+from atlantis_netcfg.robots.observation import RobotState, judge, vehicle_key
 from atlantis_netcfg.robots.recording import BagRecorder
 from atlantis_netcfg.robots.replay import BagPlayer, read_bag
 
@@ -30,7 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Dds
+    from atlantis_netcfg.declaration.model import Dds, Vehicle
     from atlantis_netcfg.declaration.robots.key_names import KeyNames
     from atlantis_netcfg.declaration.robots.reading import RobotSource
     from atlantis_netcfg.robots.observation import Observation, RobotReport
@@ -38,9 +50,10 @@ if TYPE_CHECKING:
 
 LOOPBACK: Final = "127.0.0.1"
 SHORTEST_S, LONGEST_S = 5, 3600
-_LISTENERS: Final = 20
-"""Participants of one computer that are found: mock robots and whoever listens to them."""
-_POLL_S: Final = 0.02
+_LISTENERS: Final = 4
+"""Participants of one computer that are found besides its mock robots: whoever listens there."""
+_HEAD: Final = "# {namespace}: as it was heard on the network, and approved by a person."
+_READABLE: Final = 0o644
 _POSITION: Final = (41.68, -8.83)
 """Off Viana do Castelo, where a site declares no geofence."""
 
@@ -82,7 +95,7 @@ def own_address(declaration: Declaration, site: str) -> str:
         return str(probe.getsockname()[0])
 
 
-def _address(declaration: Declaration, site: str, address: str | None) -> str:
+def listening_address(declaration: Declaration, site: str, address: str | None) -> str:
     """The named address, else the one that leads to the site; what is real leaves this computer. Raises UsageError."""
     try:
         if address is not None and IPv4Address(address).is_loopback:
@@ -94,24 +107,42 @@ def _address(declaration: Declaration, site: str, address: str | None) -> str:
     return address or own_address(declaration, site)
 
 
-def peers_of(declaration: Declaration, site: str) -> list[str]:
-    """Addresses at which participants of a site may be: robots, its computers, and every control centre."""
-    dds = dds_of(declaration)
-    lan = [str(each.address) for each in declaration.sites[site].lan.reservations if each.name in declaration.vehicles]
+def computers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
+    """Addresses at which those who listen at sites may be: their computers, every control centre, declared peers."""
     computers = [
         host.device
         for host in declaration.hosts.values()
-        if isinstance(host.device, ServerComputer) and (host.site == site or isinstance(host.device, ControlCentre))
+        if isinstance(host.device, ServerComputer) and (host.site in sites or isinstance(host.device, ControlCentre))
     ]
     addresses = [str(each.address) for each in computers]
     addresses += [str(each.vpn_address) for each in computers if each.vpn_address is not None]
-    return [*lan, *addresses, *(str(peer.address) for peer in dds.peers if peer.site in {None, site})]
+    return [*addresses, *(str(peer.address) for peer in dds_of(declaration).peers if peer.site in {None, *sites})]
+
+
+def peers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
+    """Addresses at which participants of sites may be: robots, and those of `computers_of`."""
+    reservations = [each for site in sites for each in declaration.sites[site].lan.reservations]
+    robots = [str(each.address) for each in reservations if each.name in declaration.vehicles]
+    return [*robots, *computers_of(declaration, sites)]
 
 
 def expected_at(declaration: Declaration, site: str) -> list[str]:
-    """The vehicles that are tested at a site."""
-    named = declaration.sites[site].checklist.vehicles
-    return [key for key in declaration.vehicles if named is None or key in named]
+    """The vehicles that are tested at a site; guests until their last day."""
+    named, past = declaration.sites[site].checklist.vehicles, past_guests(declaration)
+
+    def is_tested(key: str, vehicle: Vehicle) -> bool:
+        if isinstance(vehicle, Guest):
+            return site in vehicle.tested_at and key not in past
+        return named is None or key in named
+
+    return [key for key, vehicle in declaration.vehicles.items() if is_tested(key, vehicle)]
+
+
+def past_guests(declaration: Declaration) -> dict[str, str]:
+    """Guests whose last day is over, by the clocks of the pilot, and that day."""
+    today = datetime.now(ZoneInfo(declaration.pilot.time_zone)).date().isoformat()
+    guests = {key: each for key, each in declaration.vehicles.items() if isinstance(each, Guest)}
+    return {key: guest.until for key, guest in guests.items() if guest.until < today}
 
 
 def recorder(declaration: Declaration, folder: str) -> BagRecorder:
@@ -123,35 +154,74 @@ def discover(
     declaration: Declaration, site: str, seconds: float, address: str | None, record: BagRecorder | None = None
 ) -> tuple[Observation, list[RobotReport]]:
     """Listen at a site, and compare what is heard with the robots' files. Raises UsageError."""
-    sources, names = robots_of(declaration)
+    _, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
-    local = _address(declaration, site, address)
+    local = listening_address(declaration, site, address)
     with (
-        domain(dds.domain, profile(local, peers_of(declaration, site), dds.participants)) as number,
+        domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number,
         record or nullcontext(),
     ):
         keep = record.add if record is not None else None
-        observation = RobotListener(number, types, names.configuration_topic, keep).listen(seconds)
-    return observation, judge(observation, sources, expected_at(declaration, site), names)
+        observation = RobotListener(number, types, names.configuration_topic, local, keep).listen(seconds)
+    return observation, compare(declaration, site, observation)
+
+
+def compare(declaration: Declaration, site: str, observation: Observation) -> list[RobotReport]:
+    """Compare what was heard for a site, wherever, with the robots' files. Raises as `robots_of`."""
+    sources, names = robots_of(declaration)
+    reports = judge(observation, sources, expected_at(declaration, site), names, past_guests(declaration))
+    return [
+        replace(
+            report, findings=tuple(replace(each, hint=complete(each.hint or "", site=site)) for each in report.findings)
+        )
+        for report in reports
+    ]
+
+
+def save(declaration: Declaration, namespace: str, observation: Observation, encrypt: Callable[[str], str]) -> Path:
+    """Write the file of a robot that was heard and whose vehicle a person has declared; its token is encrypted.
+
+    Raises NothingMatched, UsageError, InventoryInvalid: then nothing is written.
+    """
+    names, _ = key_names(declaration)
+    copies = {each.writer.participant: read_published(each.text, names)[0] for each in observation.configurations}
+    robots = [robot for robot in copies.values() if robot is not None and robot.name == namespace]
+    if len(robots) != 1:
+        message = f"{len(robots)} robots of the namespace `{namespace}` were heard, so no file was written"
+        others = ", ".join(sorted({robot.name for robot in copies.values() if robot is not None})) or "none"
+        raise NothingMatched(message, hint=f"readable configurations that were heard are of: {others}")
+    vehicle = vehicle_key(namespace)
+    path = declaration.root / FOLDER / f"{vehicle}.yml"
+    if vehicle not in declaration.vehicles:
+        hint = "declare it first: the finding `robot-unknown` shows the command"
+        raise NothingMatched(f"no vehicle is called `{vehicle}`, so no file was written", hint=hint)
+    if path.exists():
+        raise UsageError(
+            f"{shown_path(path)} is there already", hint="leave `save=` out: it is compared with that file"
+        )
+    token = robots[0].token
+    assert isinstance(token, Secret)  # noqa: S101 - what is published is in clear
+    tree = robots[0].model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude={"token"})
+    text = document({**tree, "token": Vaulted(encrypt(token.reveal()))}, (_HEAD.format(namespace=namespace),))
+    with os_errors_as("the robot's file", path):
+        write_atomically(path, text.encode(), mode=_READABLE)
+    try:
+        load_robots(declaration)
+    except InventoryInvalid:
+        path.unlink()
+        raise
+    return path
 
 
 async def hear(declaration: Declaration, site: str, seconds: float) -> Observation:
     """Listen at a site, and let others work meanwhile. Raises UsageError."""
     names, _ = key_names(declaration)
     dds = dds_of(declaration)
-    local = _address(declaration, site, None)
+    local = listening_address(declaration, site, None)
     types = await asyncio.to_thread(MessageTypes, declaration.root / FOLDER / INTERFACES)
-    with domain(dds.domain, profile(local, peers_of(declaration, site), dds.participants)) as number:
-        return await _polled(RobotListener(number, types, names.configuration_topic), seconds)
-
-
-async def _polled(listener: RobotListener, seconds: float) -> Observation:
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        listener.poll()
-        await asyncio.sleep(_POLL_S)
-    return listener.observation()
+    with domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number:
+        return await RobotListener(number, types, names.configuration_topic, local).listen_beside_others(seconds)
 
 
 def ending(reports: Sequence[RobotReport], observation: Observation) -> ExitCode:
@@ -179,7 +249,8 @@ def mock_place(declaration: Declaration, site: str | None, address: str | None) 
     """Where robots of a site are; without a site they are heard on this computer alone. Raises UsageError."""
     if site is None:
         return MockPlace(address or LOOPBACK, ())
-    return MockPlace(_address(declaration, site, address), peers_of(declaration, site))
+    # Not where robots may be: what goes to many addresses that nobody has fills the buffer that all else waits in.
+    return MockPlace(listening_address(declaration, site, address), computers_of(declaration, [site]))
 
 
 def mock(
@@ -199,7 +270,8 @@ def mock(
     robots = [
         (each.robot, each.text()) for each in sources if each.robot and (not vehicles or each.vehicle in vehicles)
     ]
-    with domain(dds.domain, profile(place.address, place.peers, max(_LISTENERS, dds.participants))) as number:
+    participants = max(len(robots) + _LISTENERS, dds.participants)
+    with domain(dds.domain, profile(place.address, place.peers, participants)) as number:
         mocks = [
             MockRobot(robot, text, *_POSITION, types, Publisher(number, types), names.configuration_topic)
             for robot, text in robots

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.loading import content, shown_path
+from atlantis_netcfg.robots.listener import IdlTypes, dds_type_name
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,23 +38,6 @@ _CANCEL_MESSAGES = {
     "action_msgs/srv/CancelGoal_Response": _REQUEST_ID
     | {"return_code": "int8", "goals_canceling": "action_msgs/GoalInfo[]"},
 }
-_BASES = {
-    "bool": "bool",
-    "byte": "uint8",
-    "char": "uint8",
-    "float32": "float32",
-    "float64": "float64",
-    "int8": "int8",
-    "int16": "int16",
-    "int32": "int32",
-    "int64": "int64",
-    "octet": "uint8",
-    "uint8": "uint8",
-    "uint16": "uint16",
-    "uint32": "uint32",
-    "uint64": "uint64",
-}
-
 _NAMED, _SEQUENCE = 2, 4
 """Of rosbags' kinds of fields."""
 _ZEROS: dict[str, Any] = {"bool": False, "float32": 0.0, "float64": 0.0, "string": "", "wstring": ""}
@@ -68,38 +52,37 @@ class MessageTypes:
 
         self.store = get_typestore(Stores.ROS2_FOXY)
         """For rosbags; of the files' types it has the definitions alone, for their classes would be made by `exec`."""
-        self._fields: dict[str, Any] = self.store.fielddefs
+        definitions: dict[str, Any] = self.store.fielddefs
         for name, fields in _CANCEL_MESSAGES.items():
-            (self._fields[name],) = get_types_from_msg(_text(fields), name).values()
-        self._made: dict[str, type[IdlStruct]] = {}
-        self._unchecked: dict[str, type[IdlStruct]] = {}
+            (definitions[name],) = get_types_from_msg(_text(fields), name).values()
         for path in sorted(folder.glob("*/*/*")) if folder is not None and folder.is_dir() else ():
-            self._fields.update(_read(path))
+            definitions.update(_read(path))
+        self.fields = {name: fields for name, (_, fields) in definitions.items()}
+        """As `listener.IdlTypes` takes them, ready for JSON."""
+        self._types = IdlTypes(self.fields)
+        self._unchecked: dict[str, type[IdlStruct]] = {}
 
     def __contains__(self, name: str) -> bool:
-        return name in self._fields
+        return name in self.fields
 
     def names(self) -> list[str]:
         """Every known type."""
-        return sorted(self._fields)
+        return sorted(self.fields)
 
     def idl(self, name: str) -> type[IdlStruct]:
         """The type of a message for DDS. Raises UsageError where it, or one that it holds, is not known."""
-        if name not in self._made:
-            from cyclonedds.idl import make_idl_struct  # noqa: PLC0415 - there is none for aarch64
-
-            fields = {field: self._idl_of(node, name) for field, node in self._definition(name)}
-            # A message without a field has one in DDS, as rosidl makes it.
-            fields = fields or {"structure_needs_at_least_one_member": _base("uint8")}
-            self._made[name] = make_idl_struct(name.rpartition("/")[2], dds_type_name(name), fields)
-        return self._made[name]
+        try:
+            made: type[IdlStruct] = self._types.idl(name)
+        except LookupError as error:
+            raise _unknown(str(error.args[0])) from None
+        return made
 
     def unchecked(self, name: str) -> type[IdlStruct]:
         """A type of this name that takes any message: cyclonedds drops what is shorter than its type without a word."""
         if name not in self._unchecked:
-            from cyclonedds.idl import make_idl_struct  # noqa: PLC0415 - as above
+            from cyclonedds.idl import make_idl_struct, types  # noqa: PLC0415 - there is none for aarch64
 
-            fields = {"octet": _base("uint8")}
+            fields = {"octet": types.uint8}
             self._unchecked[name] = make_idl_struct(name.rpartition("/")[2], dds_type_name(name), fields)
         return self._unchecked[name]
 
@@ -116,33 +99,10 @@ class MessageTypes:
         return None
 
     def _definition(self, name: str) -> list[tuple[str, Any]]:
-        if name not in self._fields:
-            package, sort, short = name.split("/")
-            file = f"{short.partition('_')[0]}.action" if sort == "action" else f"{short}.msg"
-            raise UsageError(
-                f"the type {name} is not known",
-                hint=f"put its file into robots/{INTERFACES}/{package}/{sort}/{file} of the inventory",
-            )
-        fields: list[tuple[str, Any]] = self._fields[name][1]
+        if name not in self.fields:
+            raise _unknown(name)
+        fields: list[tuple[str, Any]] = self.fields[name]
         return fields
-
-    def _idl_of(self, node: Any, name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
-        from cyclonedds.idl import types  # noqa: PLC0415 - as above
-
-        made: Any = types  # its types are made by `[…]`, of which its annotations know nothing
-        kind, of = node
-        match int(kind):
-            case 1:
-                return (
-                    _base(of[0]) if of[0] not in {"string", "wstring"} else (made.bounded_str[of[1]] if of[1] else str)
-                )
-            case 2:
-                return self.idl(of)
-            case 3:
-                return made.array[self._idl_of(of[0], name), of[1]]
-            case _:
-                item = self._idl_of(of[0], name)
-                return made.sequence[item, of[1]] if of[1] else made.sequence[item]
 
     def _empty_of(self, node: Any) -> Any:  # noqa: ANN401 - a value of a message
         kind, of = node
@@ -157,32 +117,11 @@ class MessageTypes:
                 return []
 
 
-def dds_type_name(name: str) -> str:
-    """`std_msgs/msg/String` as DDS calls it."""
-    package, _, short = name.rpartition("/")
-    return f"{package.replace('/', '::')}::dds_::{short}_"
-
-
-def ros_type_name(name: str) -> str | None:
-    """The same back; None for a type that is not of ROS."""
-    found = re.fullmatch(r"((?:\w+::)+)dds_::(\w+)_", name)
-    return f"{found[1].replace('::', '/')}{found[2]}" if found else None
-
-
-def stamp_of(message: Any) -> Any:  # noqa: ANN401 - a message, and its `builtin_interfaces/Time`
-    """When a message says that it was made, by itself or by its header; None: it does not say."""
-    return getattr(message, "stamp", None) or getattr(getattr(message, "header", None), "stamp", None)
-
-
-def topic_name(dds_name: str) -> str | None:
-    """The topic of ROS that a topic of DDS stands for; None: it is none (of a service, an action, another program)."""
-    return dds_name.removeprefix("rt") if dds_name.startswith("rt/") and "/_action/" not in dds_name else None
-
-
-def _base(name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
-    from cyclonedds.idl import types  # noqa: PLC0415 - as above
-
-    return bool if name == "bool" else getattr(types, _BASES[name])
+def _unknown(name: str) -> UsageError:
+    package, sort, short = name.split("/")
+    file = f"{short.partition('_')[0]}.action" if sort == "action" else f"{short}.msg"
+    hint = f"put its file into robots/{INTERFACES}/{package}/{sort}/{file} of the inventory"
+    return UsageError(f"the type {name} is not known", hint=hint)
 
 
 def _read(path: Path) -> dict[str, Any]:

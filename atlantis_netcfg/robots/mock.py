@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.declaration.model.robot import TopicKind
 from atlantis_netcfg.robots.actions import GoalRefusal
-from atlantis_netcfg.robots.message_types import stamp_of
+from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE, stamp_of
 from atlantis_netcfg.robots.mock_action import MockAction
-from atlantis_netcfg.robots.network import CONFIGURATION_TYPE, Publisher
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from atlantis_netcfg.declaration.model.robot import CommandCondition, PublishedTopic, RobotFile
     from atlantis_netcfg.robots.message_types import MessageTypes
+    from atlantis_netcfg.robots.network import Publisher
 
 RATES_HZ: Mapping[TopicKind, float] = {
     TopicKind.BOOLEAN: 2.0,

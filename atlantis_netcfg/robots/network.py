@@ -5,27 +5,35 @@ cyclonedds is driven by polling in one thread. A domain is configured once a pro
 
 from __future__ import annotations
 
+import asyncio
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.robots.message_types import ros_type_name, stamp_of, topic_name
-from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, content_hash
+from atlantis_netcfg.robots.listener import (
+    CycloneListener,
+    OtherDomains,
+    decoded,
+    listen,
+    mapping_of,
+    octets_reader,
+    open_domain,
+)
+from atlantis_netcfg.robots.observation import HeardWriter, read_heard
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from cyclonedds.idl import IdlStruct
 
     from atlantis_netcfg.robots.message_types import MessageTypes
+    from atlantis_netcfg.robots.observation import Observation
 
 _POLL_S: Final = 0.02
-_AT_ONCE: Final = 64
-_KEPT: Final = 3
-"""Different messages that are remembered of a topic."""
-_MOST_WRITERS: Final = 2000
-"""Publishers that are listened to: a network of robots has fewer."""
+ANNOUNCE_S: Final = 10
+_LEASE_S: Final = 120
+"""Longer than a satellite is silent: after that messages come again, without finding each other anew."""
 _DEPTH: Final = 10
 """Of a topic, as rmw has it."""
 _BLOCK_MS: Final = 100
@@ -35,9 +43,6 @@ _REQUESTS_AT_ONCE: Final = 32
 _LONGEST_REQUEST: Final = 1_000_000
 _ALIGNMENT: Final = 4
 """Messages are padded to it."""
-_SHORT: Final = 1000
-"""Octets of a message whose length is told to the octet."""
-CONFIGURATION_TYPE: Final = "std_msgs/msg/String"
 
 
 def profile(address: str, peers: Sequence[str], participants: int) -> str:
@@ -50,7 +55,9 @@ def profile(address: str, peers: Sequence[str], participants: int) -> str:
         '<CycloneDDS><Domain Id="any"><General><Interfaces>'
         f'<NetworkInterface address="{address}"/></Interfaces><AllowMulticast>spdp</AllowMulticast></General>'
         f"<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{participants}"
-        f"</MaxAutoParticipantIndex><SPDPInterval>2s</SPDPInterval><Peers>{rows}</Peers></Discovery><Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>"
+        f"</MaxAutoParticipantIndex><SPDPInterval>{ANNOUNCE_S}s</SPDPInterval><LeaseDuration>{_LEASE_S}s</LeaseDuration>"
+        f"<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay><Peers>{rows}</Peers></Discovery>"
+        "<Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>"
     )
 
 
@@ -59,12 +66,11 @@ def domain(number: int, configuration: str) -> Iterator[int]:
     """A domain of DDS with a profile of its own, whatever this computer's environment says. Raises UsageError."""
     try:
         from cyclonedds.core import DDSException  # noqa: PLC0415 - there is none for aarch64
-        from cyclonedds.domain import Domain  # noqa: PLC0415 - as above
     except ImportError as error:
         hint = "PyPI has none for aarch64: use a laptop with an x86_64 processor"
         raise UsageError("cyclonedds is not installed on this computer", hint=hint) from error
     try:
-        made = Domain(number, configuration)
+        made = open_domain(number, configuration)
     except DDSException as error:
         hint = "is the address one of this computer's, and the interface up? `ip address` shows both"
         raise UsageError(f"no participant of DDS can be made here: {error}", hint=hint) from error
@@ -82,119 +88,32 @@ class RobotListener:
         number: int,
         types: MessageTypes,
         configuration_topic: str,
+        address: str | None = None,
         keep: Callable[[HeardWriter, bytes], None] | None = None,
     ) -> None:
-        """`keep` is given every message of a known type."""
-        from cyclonedds.builtin import (  # noqa: PLC0415 - as above
-            BuiltinDataReader,
-            BuiltinTopicDcpsParticipant,
-            BuiltinTopicDcpsPublication,
-        )
-        from cyclonedds.domain import DomainParticipant  # noqa: PLC0415 - as above
+        """`address`: of this computer, where other domains are listened to as well; `keep` is given every message."""
 
-        self._participant = DomainParticipant(number)
-        self._people = BuiltinDataReader(self._participant, BuiltinTopicDcpsParticipant)
-        self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
-        self._types = types
-        self._topic = configuration_topic
-        self._keep = keep
-        self._readers: dict[tuple[str, str], Any] = {}
-        self._writers: dict[str, HeardWriter] = {}
-        self._handles: dict[int, str] = {}
-        self._began = time.monotonic()
-        self._texts: dict[str, bytes] = {}
-        self._names: dict[str, str] = {}
-        self._unread: dict[str, str] = {}
+        def keep_row(row: Mapping[str, Any], data: bytes) -> None:
+            if keep is not None:
+                names = ("participant", "topic", "type", "reliable", "transient_local")
+                keep(HeardWriter(*(row[name] for name in names)), data)
+
+        self._listener = CycloneListener(number, types, configuration_topic, keep_row if keep is not None else None)
+        self._others = OtherDomains(number, address) if address is not None else None
 
     def listen(self, seconds: float) -> Observation:
         """Listen so long, and say what was heard since the beginning."""
+        return read_heard(listen(self._listener, seconds, self._others))
+
+    async def listen_beside_others(self, seconds: float) -> Observation:
+        """Listen so long, and let others work meanwhile."""
         until = time.monotonic() + seconds
-        while (now := time.monotonic()) < until:
-            self.poll()
-            time.sleep(min(_POLL_S, max(0.0, until - now)))
-        return self.observation()
-
-    def observation(self) -> Observation:
-        """What was heard up to now."""
-        rows = [HeardConfiguration(self._writers[key], text) for key, text in self._texts.items()]
-        silent = [
-            writer for key, writer in self._writers.items() if key not in self._texts and writer.topic == self._topic
-        ]
-        rows += [HeardConfiguration(writer, b"") for writer in silent if writer.messages]
-        seconds = time.monotonic() - self._began
-        others = [writer for writer in self._writers.values() if writer.topic != self._topic]
-        return Observation(seconds, dict(self._names), others, rows, dict(self._unread))
-
-    def poll(self) -> None:
-        """Take what has arrived."""
-        guid = str(self._participant.guid)
-        # Of who leaves there is a sample with its key alone.
-        for sample in self._people.take(N=_AT_ONCE):
-            if sample.sample_info.valid_data and str(sample.key) != guid:
-                self._names[str(sample.key)] = _addresses(sample)
-        for sample in self._publications.take(N=_AT_ONCE):
-            if sample.sample_info.valid_data and str(sample.participant_key) != guid:
-                self._publication(sample)
-        for (_, kind), reader in list(self._readers.items()):
-            for sample in reader.take(N=_AT_ONCE):
-                if sample.sample_info.valid_data:
-                    self._message(reader, self._types.idl(kind), sample)
-
-    def _publication(self, sample: Any) -> None:  # noqa: ANN401 - cyclonedds' endpoint
-        from cyclonedds.core import Policy  # noqa: PLC0415 - as above
-
-        name, key = topic_name(sample.topic_name), str(sample.key)
-        if name is None or key in self._writers or len(self._writers) >= _MOST_WRITERS:
-            return
-        kind = ros_type_name(sample.type_name) or sample.type_name
-        reliable = isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable)
-        is_kept = sample.qos[Policy.Durability] == Policy.Durability.TransientLocal
-        self._writers[key] = HeardWriter(str(sample.participant_key), name, kind, reliable, is_kept)
-        self._read(sample.topic_name, name, kind)
-
-    def _read(self, dds_name: str, name: str, kind: str) -> None:
-        from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
-
-        if kind not in self._types:
-            self._unread[name] = kind
-        elif (dds_name, kind) not in self._readers:
-            qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(_AT_ONCE))
-            self._readers[dds_name, kind] = _reader(self._participant, dds_name, self._types.idl(kind), qos)
-
-    def _message(self, reader: Any, kind: type[IdlStruct], sample: Any) -> None:  # noqa: ANN401 - of cyclonedds
-        handle = sample.sample_info.publication_handle
-        if handle not in self._handles:
-            endpoint = reader.get_matched_publication_data(handle)
-            self._handles[handle] = str(endpoint.key) if endpoint is not None else ""
-        writer = self._writers.get(self._handles[handle])
-        if writer is None:
-            return
-        message, now = _decoded(kind, sample.data), time.monotonic()
-        # Cyclone fills a message up to a multiple of four: of a short one that would be a quarter.
-        data = sample.data if message is None or len(sample.data) > _SHORT else message.serialize()
-        writer.first_s = writer.first_s if writer.messages else now
-        writer.last_s = now
-        writer.messages += 1
-        writer.octets += len(data)
-        if self._keep is not None:
-            self._keep(writer, data)
-        stamp = stamp_of(message)
-        if stamp is not None:
-            age = time.time() - (stamp.sec + stamp.nanosec / 1e9)
-            writer.stamp_age_s = age if writer.stamp_age_s is None else max(age, writer.stamp_age_s, key=abs)
-            stamp.sec = stamp.nanosec = 0
-        if len(writer.contents) < _KEPT:
-            writer.contents.add(content_hash(message.serialize() if stamp is not None else data))
-        if writer.topic == self._topic and writer.type == CONFIGURATION_TYPE:
-            self._texts[self._handles[handle]] = str(message.data).encode() if message is not None else data
-
-
-def _addresses(sample: Any) -> str:  # noqa: ANN401 - cyclonedds' participant
-    """What a participant says of where it is, else its key."""
-    from cyclonedds.core import Policy  # noqa: PLC0415, F401 - the policies are registered by it
-
-    properties = {each.key: each.value for each in sample.qos if type(each).__name__ == "Property"}
-    return properties.get("__NetworkAddresses") or properties.get("__Hostname") or str(sample.key)
+        while time.monotonic() < until:
+            self._listener.poll(pause_s=0)
+            if self._others is not None:
+                self._others.poll()
+            await asyncio.sleep(_POLL_S)
+        return read_heard(mapping_of(self._listener, self._others))
 
 
 class Publisher:
@@ -237,21 +156,6 @@ class Publisher:
         return RosService(self._participant, self._types, name, kind)
 
 
-class _Octets:
-    """A message as it came: who takes it decodes it, so that one that cannot be decoded takes no other along."""
-
-    def __init__(self, data: bytes) -> None:
-        self.data = data
-        self.sample_info: Any = None
-
-    @classmethod
-    def deserialize(cls, data: bytes) -> _Octets:
-        """For cyclonedds, which asks the type of a topic."""
-        return cls(data)
-
-    deserialize_key = deserialize
-
-
 class RosService:
     """One service of ROS, as rmw_cyclonedds sends requests and replies."""
 
@@ -262,7 +166,7 @@ class RosService:
         reliable = Policy.Reliability.Reliable(duration(milliseconds=_BLOCK_MS))
         qos = Qos(reliable, Policy.History.KeepLast(_REQUESTS_AT_ONCE))
         self._type = types.idl(f"{kind}_Request")
-        self._reader = _reader(participant, f"rq{name}Request", types.unchecked(f"{kind}_Request"), qos)
+        self._reader = octets_reader(participant, f"rq{name}Request", types.unchecked(f"{kind}_Request"), qos)
         self._writer = _writer(participant, f"rr{name}Reply", types.idl(f"{kind}_Response"), qos)
 
     def requests(self) -> Iterator[Any]:
@@ -270,7 +174,7 @@ class RosService:
         for sample in self._reader.take(N=_REQUESTS_AT_ONCE):
             if sample.sample_info.valid_data:
                 data = sample.data if len(sample.data) <= _LONGEST_REQUEST else b""
-                message = _decoded(self._type, data)
+                message = decoded(self._type, data)
                 is_whole = message is not None and 0 <= len(data) - len(message.serialize()) < _ALIGNMENT
                 yield message if is_whole else None
 
@@ -278,24 +182,6 @@ class RosService:
         """Answer a request."""
         message.client, message.number = request.client, request.number
         _write(self._writer, message)
-
-
-def _decoded(kind: type[IdlStruct], data: bytes) -> Any:  # noqa: ANN401 - a message
-    """A message; None: it is none of this type."""
-    try:
-        return kind.deserialize(data)
-    except Exception:  # noqa: BLE001 - cyclonedds and struct raise what they like
-        return None
-
-
-def _reader(participant: Any, name: str, kind: type[IdlStruct], qos: Any) -> Any:  # noqa: ANN401 - of cyclonedds
-    from cyclonedds.sub import DataReader  # noqa: PLC0415 - as above
-    from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
-
-    topic: Any = Topic(participant, name, kind)
-    reader = DataReader(participant, topic, qos=qos)
-    topic.data_type = _Octets
-    return reader
 
 
 def _writer(participant: Any, name: str, kind: type[IdlStruct], qos: Any) -> Any:  # noqa: ANN401 - of cyclonedds

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
+import re
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
+
+from pydantic import TypeAdapter
 
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.core.errors import nearest
@@ -85,6 +87,10 @@ class Observation:
     configurations: list[HeardConfiguration] = field(default_factory=list)
     unread: dict[str, str] = field(default_factory=dict)
     """Topics of types whose definition is not known: they were seen, and their messages not counted."""
+    program: str = "cyclonedds"
+    """Or `rclpy`, which does not say who sent a message (`listener.py`)."""
+    other_domains: dict[str, list[int]] = field(default_factory=dict)
+    """Addresses whose participants announce themselves in other domains, as far as that was heard."""
 
 
 class RobotState(StrEnum):
@@ -115,9 +121,17 @@ class RobotReport:
 
 
 def judge(
-    observation: Observation, declared: Sequence[RobotSource], expected: Sequence[str], names: KeyNames
+    observation: Observation,
+    declared: Sequence[RobotSource],
+    expected: Sequence[str],
+    names: KeyNames,
+    past_guests: Mapping[str, str] | None = None,
 ) -> list[RobotReport]:
-    """Compare what was heard with the robots' files; `expected` are the vehicles that should be here."""
+    """Compare what was heard with the robots' files; `expected` are the vehicles that should be here.
+
+    `past_guests`: vehicles that were guests, and the last day of each; they are strangers again.
+    """
+    past = past_guests or {}
     known = {source.robot.name: source for source in declared if source.robot is not None}
     introductions: dict[str, list[tuple[HeardConfiguration, RobotFile]]] = {}
     reports = []
@@ -134,11 +148,18 @@ def judge(
         configuration, robot = copies[-1]
         source = known.get(name)
         findings = [*_copies(name, copies, observation), *_configuration(configuration)]
-        findings += _against_the_file(robot, source) if source is not None else [_unknown(name, known)]
+        if source is None:
+            findings.append(_unknown(name, known))
+        elif source.vehicle in past:
+            findings.append(_past_guest(str(source.vehicle), past))
+        else:
+            findings += _against_the_file(robot, source)
         keys = {each.writer.participant for each, _ in copies}
-        writers = [writer for writer in observation.writers if writer.participant in keys]
+        # Another process of the robot is another participant: what has the name of a topic of its file is its.
+        topics = {topic.name for topic in robot.topics()}
+        writers = [each for each in observation.writers if each.participant in keys or each.topic in topics]
         findings += [finding for _, finding in topic_findings(robot, writers, observation)]
-        state = RobotState.UNKNOWN if source is None else RobotState.DECLARED
+        state = RobotState.UNKNOWN if source is None or source.vehicle in past else RobotState.DECLARED
         vehicle = source.vehicle if source is not None else None
         reports.append(RobotReport(name, state, vehicle, tuple(findings), tuple(writers)))
     here = {report.vehicle for report in reports}
@@ -152,12 +173,16 @@ def _missing(source: RobotSource, observation: Observation) -> RobotReport:
     topic = next((writer.topic for writer in observation.writers if writer.topic in declared), None)
     message = f"nothing was heard of it in {observation.seconds:.0f} s"
     hint = "is it switched on, in the network, and in the domain of `dds.domain`?"
-    finding = BearerFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)
+    findings = [BearerFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)]
     if topic is not None:
         message = f"somebody publishes {topic}, and no configuration of it was heard"
         hint = "a robot that is registered stops publishing it: start its program again"
-        finding = BearerFinding(Verdict.INCONCLUSIVE, "configuration-missing", message, hint)
-    return RobotReport(name, RobotState.MISSING, source.vehicle, (finding,))
+        findings = [BearerFinding(Verdict.INCONCLUSIVE, "configuration-missing", message, hint)]
+    for address, domains in observation.other_domains.items():
+        message = f"{address} speaks in domain {', '.join(map(str, domains))}, which is not that of `dds.domain`"
+        hint = "if that is this robot: set its ROS_DOMAIN_ID as declared, and start its programs anew"
+        findings.append(BearerFinding(Verdict.INCONCLUSIVE, "other-domain", message, hint))
+    return RobotReport(name, RobotState.MISSING, source.vehicle, tuple(findings))
 
 
 def _unknown(name: str, known: Mapping[str, RobotSource]) -> BearerFinding:
@@ -165,8 +190,21 @@ def _unknown(name: str, known: Mapping[str, RobotSource]) -> BearerFinding:
     message = f"no robot of this inventory has the namespace `{name}`"
     if near is not None:
         message = f"no robot of this inventory has the namespace `{name}`; did it mean `{near}`?"
-    hint = "a person decides: docs/robots.md says how it is let in, and what keeps it out"
+    hint = (
+        f"if a person approves it: `provision guest add name={vehicle_key(name)} partner=PARTNER kind=auv until=DAY "
+        f"site=… cells=wifi` with its own words, then `provision robot discover site=… save={name}`"
+    )
     return BearerFinding(Verdict.WARN, "robot-unknown", message, hint)
+
+
+def vehicle_key(namespace: str) -> str:
+    """The key that a robot would have among the vehicles of the inventory, and the name of its file."""
+    return re.sub(r"[^a-z0-9]+", "-", namespace.lower()).strip("-")
+
+
+def _past_guest(vehicle: str, past: Mapping[str, str]) -> BearerFinding:
+    message = f"it was a guest until {past[vehicle]}"
+    return BearerFinding(Verdict.WARN, "robot-unknown", message, f"`provision guest end name={vehicle}` puts it out")
 
 
 def _copies(
@@ -249,12 +287,11 @@ def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterat
         hint = "a robot on the water never keeps quite still: is its navigation running?"
         yield BearerFinding(Verdict.WARN, "topic-frozen", message, hint)
     if writer.stamp_age_s is not None and abs(writer.stamp_age_s) > _STALE_S:
-        message = f"the stamps of {topic.name} are {abs(writer.stamp_age_s):.0f} s away from this computer's clock"
-        yield BearerFinding(
-            Verdict.FAIL, "topic-stale", message, "compare the clocks of the robot and of this computer"
-        )
+        message = f"the stamps of {topic.name} are {abs(writer.stamp_age_s):.0f} s away from the listener's clock"
+        hint = "compare the clocks of the robot and of the computer that listens"
+        yield BearerFinding(Verdict.FAIL, "topic-stale", message, hint)
 
 
-def content_hash(data: bytes) -> bytes:
-    """Enough of a message to tell it from another."""
-    return hashlib.blake2b(data, digest_size=8).digest()
+def read_heard(values: object) -> Observation:
+    """What a listener has heard (`listener.listen`), perhaps on another computer. Raises ValueError."""
+    return TypeAdapter(Observation).validate_python(values)

@@ -16,9 +16,9 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.loading import shown_path
 from atlantis_netcfg.declaration.robots.reading import read_published
 from atlantis_netcfg.declaration.robots.ros_names import why_no_name
+from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE, content_hash
 from atlantis_netcfg.robots.message_types import INTERFACES
-from atlantis_netcfg.robots.network import CONFIGURATION_TYPE, Publisher
-from atlantis_netcfg.robots.observation import content_hash
+from atlantis_netcfg.robots.network import Publisher
 from atlantis_netcfg.robots.recording import LARGEST_BAG
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Bag:
     """Topic to a type that is not known here, or is the second one of its name."""
     owners: dict[str, str] = field(default_factory=dict)
     """Topic to the namespace of the robot whose configuration names it."""
-    robots: dict[bytes, str] = field(default_factory=dict)
+    robots: dict[str, str] = field(default_factory=dict)
     """A short hash of each configuration to the namespace in it; empty: it cannot be read."""
     first_ns: int = 2**63
     last_ns: int = 0
@@ -101,7 +101,7 @@ def read_bag(folder: Path, types: MessageTypes, names: KeyNames) -> Bag:
     return bag
 
 
-def _introduce(bag: Bag, text: bytes, key: bytes, names: KeyNames) -> None:
+def _introduce(bag: Bag, text: bytes, key: str, names: KeyNames) -> None:
     """Remember whose topics are whose, by a robot's configuration."""
     if key not in bag.robots:
         robot, _ = read_published(text, names)

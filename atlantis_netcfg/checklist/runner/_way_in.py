@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from testinfra.backend.ssh import SshBackend  # type: ignore[import-untyped] # it ships no types
 from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # as above
 
-from atlantis_netcfg.checklist.runner.remote_process import Carrier, ProcessEnded
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.remote_process import Carrier, ProcessEnded
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS

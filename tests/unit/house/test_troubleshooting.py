@@ -33,6 +33,7 @@ PASSED_ON = {
     ("operations/adoption.py", "ConsoleUnreachable"): _CAUSE,
     ("operations/lte/run.py", "LteResult"): _CAUSE,
     ("operations/qualify/far_end.py", "FarEndClosed"): _DEVICE,
+    ("operations/robots_remote.py", "ListeningFailed"): _DEVICE,
     ("operations/vpn/link.py", "HostKeyChanged"): _DEVICE,
     ("operations/vpn/link.py", "ServerRefused"): _DEVICE,
     ("operations/vpn/live.py", "RecordOlder"): _REASON,

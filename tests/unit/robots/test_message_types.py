@@ -11,7 +11,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model.robot import TopicKind
-from atlantis_netcfg.robots.message_types import MessageTypes, dds_type_name, ros_type_name, topic_name
+from atlantis_netcfg.robots.listener import dds_type_name, ros_type_name, topic_name
+from atlantis_netcfg.robots.message_types import MessageTypes
 
 INTERFACES = robot_cases.SHIPPED / "robots" / "interfaces"
 needs_cyclone = pytest.mark.skipif(find_spec("cyclonedds") is None, reason="PyPI has no cyclonedds for this machine")

@@ -114,6 +114,13 @@ def test_two_participants_of_one_namespace_are_told_with_their_addresses() -> No
     ]
 
 
+def test_topics_may_come_from_another_process_of_the_robot() -> None:
+    observation = heard()
+    for each in observation.writers:
+        each.participant = "driver"
+    assert codes(observation) == []
+
+
 def test_a_token_that_is_sealed_is_not_compared() -> None:
     observation = heard()
     replace_text(observation, "EXAMPLE-sparus-token", "another")
@@ -159,6 +166,19 @@ def test_a_point_cloud_that_comes_seldom_keeps_to_its_guideline() -> None:
     clouds = robot.model_copy(update={"telemetry": Telemetry(point_clouds=(Topic(topic=topic.name),))})
     seen = Observation(SECONDS, writers=[*heard().writers, row])
     assert [*topic_findings(clouds, seen.writers, seen)] == []
+
+
+def test_who_speaks_in_another_domain_is_told_where_a_robot_is_missing() -> None:
+    observation = Observation(SECONDS, {"key": "10.64.1.23"}, other_domains={"10.64.1.22": [7, 42]})
+    reports = judge(observation, [source()], ["sparus"], KeyNames())
+    assert [each.state for each in reports] == [RobotState.MISSING]
+    assert [(each.verdict, each.code) for each in reports[0].findings] == [
+        ("INCONCLUSIVE", "robot-missing"),
+        ("INCONCLUSIVE", "other-domain"),
+    ]
+    assert "10.64.1.22 speaks in domain 7, 42" in reports[0].findings[1].message
+    assert ending(reports, observation) == ExitCode.CHECKS_FAILED
+    assert codes(replace(heard(), other_domains={"10.64.1.22": [7]})) == []
 
 
 def test_silence_is_never_green() -> None:

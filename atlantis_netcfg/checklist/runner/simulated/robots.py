@@ -15,8 +15,8 @@ from atlantis_netcfg.checklist.probes import (
     VpnMembersResult,
 )
 from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
+from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE
 from atlantis_netcfg.robots.mock import RATES_HZ
-from atlantis_netcfg.robots.network import CONFIGURATION_TYPE
 from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation
 
 if TYPE_CHECKING:

@@ -1,0 +1,148 @@
+"""Listen for robots on a gateway computer or a control centre, over SSH: nothing of ours is installed there."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import zlib
+from base64 import b64decode
+from importlib import resources
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core.remote_process import Carrier
+from atlantis_netcfg.declaration.model import ControlCentre, ServerComputer
+from atlantis_netcfg.declaration.robots.reading import FOLDER, key_names
+from atlantis_netcfg.gateway.services import ENVIRONMENT
+from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
+from atlantis_netcfg.operations.request import Request, refuse_examples
+from atlantis_netcfg.operations.robots import dds_of, peers_of
+from atlantis_netcfg.operations.vpn.link import ssh_command
+from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
+from atlantis_netcfg.robots.network import profile
+from atlantis_netcfg.robots.observation import read_heard
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from typing import Any
+
+    from atlantis_netcfg.core.remote_process import ProcessEnded
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Dds
+    from atlantis_netcfg.robots.observation import Observation
+
+VENV: Final = "/opt/atlantis-dds"
+"""Where cyclonedds is looked for besides the system's own Python."""
+_BOOT: Final = "import sys,zlib;exec(zlib.decompress(sys.stdin.buffer.read()))"
+_EXTRA_S: Final = 240.0
+"""To connect and to hear the end of the answer: a gap of 70 s of a satellite may come in each of these."""
+_LARGEST: Final = 32_000_000
+"""Bytes of an answer, unpacked."""
+_NOT_FOUND: Final = 127
+
+
+class ListeningFailed(NetcfgError):
+    """Another computer did not listen to its end, so that nothing is known of any robot."""
+
+    exit = ExitCode.CHECKS_FAILED
+
+
+def listening_computer(declaration: Declaration, host: Host) -> ServerComputer:
+    """The computer of a host that can listen. Raises UsageError for one that uses no DDS."""
+    if not isinstance(host.device, ServerComputer):
+        there = ", ".join(each.name for each in declaration.hosts.values() if isinstance(each.device, ServerComputer))
+        raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
+    return host.device
+
+
+def listen_there(
+    declaration: Declaration,
+    host: Host,
+    seconds: float,
+    *,
+    sites: Sequence[str] | None = None,
+    request: Request | None = None,
+) -> Observation:
+    """Listen at `host` for the robots of `sites`; left out: of its own, and for a control centre of all.
+
+    Raises ListeningFailed, and UsageError for a computer that uses no DDS or has an address of an example.
+    """
+    dds, request = dds_of(declaration), request or Request()
+    device = listening_computer(declaration, host)
+    refuse_examples(declaration, rehearsed=request.rehearsed)
+    if sites is None:
+        sites = list(declaration.sites) if isinstance(device, ControlCentre) else [host.site]
+    names, _ = key_names(declaration)
+    requested = {
+        "domain": dds.domain,
+        "address": dds.address_of(device),
+        "profile": profile(dds.address_of(device), peers_of(declaration, sites), dds.participants),
+        "seconds": seconds,
+        "topic": names.configuration_topic,
+        "types": MessageTypes(declaration.root / FOLDER / INTERFACES).fields,
+    }
+    access = computer_access(declaration, host, request)
+    command = [*ssh_command(access)[:-1], "-C", ssh_command(access)[-1], _command(dds)]
+    carrier = Carrier(_program(requested), limit_s=seconds + _EXTRA_S)
+    try:
+        ended = carrier.run(command)
+    except OSError as error:
+        raise ListeningFailed(f"{host.name} was not asked: {error}", hint="install OpenSSH's client") from None
+    return _observation(host, access, ended)
+
+
+def _program(requested: Mapping[str, Any]) -> bytes:
+    """The listener with what it is asked, as one piece."""
+    source = (resources.files("atlantis_netcfg.robots") / "listener.py").read_text(encoding="utf-8")
+    words = json.dumps(requested, separators=(",", ":"))
+    return zlib.compress(f"{source}\n\nmain(json.loads({words!r}))\n".encode(), 9)
+
+
+def _command(dds: Dds) -> str:
+    """A shell's words: Python with cyclonedds if there is one, else with ROS 2 and the environment of the site."""
+    home = shlex.quote(f"/opt/ros/{dds.distribution.value}/setup.sh")
+    return (
+        f"cd /; p={VENV}/bin/python3; [ -x $p ] || p=python3; "
+        "if ! $p -c 'import cyclonedds' 2>/dev/null; then p=python3; "
+        f"if [ -r {home} ]; then . {home}; fi; if [ -r {ENVIRONMENT} ]; then set -a; . {ENVIRONMENT}; set +a; fi; fi; "
+        f"exec $p -c {shlex.quote(_BOOT)}"
+    )
+
+
+def _observation(host: Host, access: Mapping[str, Any], ended: ProcessEnded) -> Observation:
+    """What the program has heard. Raises ListeningFailed."""
+    for line in reversed(ended.out.splitlines()):
+        try:
+            answer = json.loads(line)
+            if "trouble" in answer:
+                raise _trouble(host, str(answer["trouble"]), str(answer["words"]))
+            unpacked = zlib.decompressobj().decompress(b64decode(answer["heard"]), _LARGEST)
+            return read_heard(json.loads(unpacked))
+        except (ValueError, LookupError, TypeError, RecursionError, zlib.error):
+            continue
+    text = ended.err.decode(errors="replace").strip()
+    last = text.rpartition("\n")[2] or f"exit {ended.rc}"
+    if (trouble := key_trouble(host.name, text)) is not None:
+        raise ListeningFailed(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
+    if "Permission denied" in text:
+        hint = f"bring your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`"
+        raise ListeningFailed(f"{host.name} does not let you in as {access['user']}: {last}", hint=hint)
+    if ended.rc == _NOT_FOUND:
+        raise ListeningFailed(f"{host.name} has no python3: {last}", hint=f"on {host.name}: `apt-get install python3`")
+    if b"alive" in ended.out:
+        message = f"the connection to {host.name} ended before it had listened to the end: {last}"
+        raise ListeningFailed(message, hint="nothing is known of any robot: type the same again")
+    words = "it did not answer in time" if ended.overdue else last
+    hint = "look at its power and at your way to it, then type the same again"
+    raise ListeningFailed(f"{host.name} was not reached: {words}", hint=hint)
+
+
+def _trouble(host: Host, trouble: str, words: str) -> ListeningFailed:
+    if trouble == "missing":
+        hint = (
+            "a run of its site brings ROS 2 where that is declared (docs/gateway.md); else, on x86_64, on it: "
+            f"`python3 -m venv {VENV} && {VENV}/bin/pip install cyclonedds`"
+        )
+        return ListeningFailed(f"{host.name} can hear no robots: it has neither cyclonedds nor ROS 2", hint=hint)
+    hint = f"has {host.name} its address of `dds`? on it: `ip address`"
+    return ListeningFailed(f"{host.name} could not listen: {words[:300]}", hint=hint)

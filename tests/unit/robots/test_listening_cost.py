@@ -1,0 +1,83 @@
+"""Listening over links that are all paid by the byte asks for consent; at the site, or over a free one, nobody does."""
+
+from collections.abc import Callable
+
+import pytest
+import robot_cases
+from hints_said import advised
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.operations import robots, robots_remote
+from atlantis_netcfg.operations.robots_cost import listening_cost
+from atlantis_netcfg.robots.observation import Observation
+
+VPN, LAN = "10.80.1.7", "10.64.2.50"
+LISTEN = ["robot", "discover", "site=te4sea"]
+
+
+@pytest.fixture
+def listened(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[str]]:
+    """Where it listened, once this computer's address is chosen."""
+    places: list[str] = []
+
+    def choose(address: str) -> list[str]:
+        monkeypatch.setattr(robots, "listening_address", lambda *_: address)
+        return places
+
+    def here(*_: object) -> tuple[Observation, list[object]]:
+        places.append("here")
+        return Observation(5.0), []
+
+    def there(_declaration: object, host: object, *_: object, **_more: object) -> Observation:
+        places.append(str(getattr(host, "name", "")))
+        return Observation(5.0)
+
+    monkeypatch.setattr(robots, "discover", here)
+    monkeypatch.setattr(robots_remote, "listen_there", there)
+    return choose
+
+
+def test_from_the_vpn_a_person_has_to_agree(
+    listened: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    places = listened(VPN)
+    assert main(LISTEN) == 4
+    printed = capsys.readouterr().err
+    assert "nobody has agreed to pay for this, so nothing was sent: over 4g of te4sea, which is paid" in printed
+    assert "type the same with `--accept-cost`, or listen at the site: `from=te4sea-gateway`" in printed
+    assert not places
+    assert main([*LISTEN, "--accept-cost"]) == 6
+    assert main([*LISTEN, "from=te4sea-gateway"]) == 6
+    assert main([*LISTEN, "from=scc-control"]) == 4
+    assert places == ["here", "te4sea-gateway"]
+
+
+def test_beyond_the_cap_nothing_helps_but_another_place(
+    listened: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    places = listened(VPN)
+    assert main([*LISTEN, "for=60m", "--accept-cost"]) == 4
+    printed = capsys.readouterr().err
+    assert "no action may send more than" in printed
+    assert "--accept-cost" not in printed
+    assert advised(printed) == []
+    assert not places
+
+
+def test_at_the_site_and_over_a_free_link_nobody_is_asked(listened: Callable[[str], list[str]]) -> None:
+    places = listened(LAN)
+    assert main(LISTEN) == 6
+    listened(VPN)
+    assert main(["robot", "discover", "site=coastal"]) == 6
+    assert places == ["here", "here"]
+
+
+def test_what_is_counted() -> None:
+    shipped = robot_cases.shipped()
+    cost = listening_cost(shipped, "te4sea", 60, lambda: VPN)
+    assert cost is not None
+    sources, _ = robots.robots_of(shipped)
+    here = [each for each in sources if each.vehicle in robots.expected_at(shipped, "te4sea")]
+    configurations = 60 * sum(each.size for each in here)
+    assert configurations < cost.bill.payload_bytes < configurations + 2_000_000
+    assert listening_cost(shipped, "te4sea", 60, lambda: "127.0.0.1") is None
