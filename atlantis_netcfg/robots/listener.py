@@ -270,10 +270,11 @@ class CycloneListener:
         guid = str(self._participant.guid)
         for sample in self._people.take(N=_AT_ONCE):
             key = str(getattr(sample, "key", ""))
-            if key and key != guid:
+            if sample.sample_info.valid_data and key and key != guid:
                 self.log.add_participant(key, _addresses(sample))
         for sample in self._publications.take(N=_AT_ONCE):
-            if hasattr(sample, "topic_name") and str(sample.participant_key) != guid:
+            # One that has gone comes once more, without its fields.
+            if sample.sample_info.valid_data and str(sample.participant_key) != guid:
                 self._publication(sample)
         for reader in list(self._readers.values()):
             for sample in reader.take(N=_AT_ONCE):
@@ -308,7 +309,9 @@ class CycloneListener:
         handle = sample.sample_info.publication_handle
         if handle not in self._handles:
             endpoint = reader.get_matched_publication_data(handle)
-            self._handles[handle] = str(endpoint.key) if endpoint is not None else ""
+            if endpoint is None:  # it has just gone
+                return
+            self._handles[handle] = str(endpoint.key)
         key = self._handles[handle]
         if key not in self.log.writers:
             return
@@ -398,9 +401,11 @@ class RosListener:
             text = data[_BODY + 4 : _BODY + 3 + min(size, _LONGEST)].decode("utf-8", "replace")
             sole = len(self._publishers[topic]) == 1
             participant = next(iter(self._publishers[topic])) if sole else f"text {content_hash(data)}"
-            key = f"{key} {participant}"
+            key = f"{key} {content_hash(data)}"
             self.log.add_writer(key, participant, topic, kind, reliable=False)
             self.log.add_text(key, text)
+            if key in self.log.writers:  # another one may have come since
+                self.log.writers[key]["participant"] = participant
         elif stamped and len(data) >= _STAMP_END:
             seconds, nanoseconds = struct.unpack_from(f"{order}iI", data, _BODY)
             stamp_s, content = seconds + nanoseconds / 1e9, data[_STAMP_END:]

@@ -99,3 +99,10 @@ def test_every_lie_has_exactly_its_finding() -> None:
         "twice": ["declared", "namespace-twice"],
         "away": ["missing", "robot-missing"],
     }
+
+
+def test_robots_that_are_switched_off_meanwhile_end_nothing() -> None:
+    script = '"$1" robot mock for=6s >"$2" 2>&1 & "$1" robot discover site=coastal for=12s address=127.0.0.1 --json'
+    done = alone(script, str(PROVISION), "/dev/null")
+    assert done.returncode == 0, done.stderr
+    assert {each["state"] for each in json.loads(done.stdout)["robots"]} == {"declared"}
