@@ -158,35 +158,38 @@ ROBOT_DISCOVER = CommandSpec(
 
 def run_robot_discover(arguments: Arguments) -> ExitCode:
     """Listen, and say who was heard."""
+    from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.operations import robots
 
     declaration, site = _declaration(arguments), arguments.word("site")
     _require_site(declaration, site)
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
+    namespace, vault = arguments.optional("save"), vault_of(arguments)
+    if namespace is not None:
+        _ = vault.secrets  # whoever has no password is told before half a minute is over
     observation, reports = _listen(arguments, declaration, site, seconds)
     code = robots.ending(reports, observation)
-    saved = None
-    if (namespace := arguments.optional("save")) is not None:
-        from atlantis_netcfg.cli._passphrase import vault_of
-
-        saved = robots.save(declaration, namespace, observation, vault_of(arguments).encrypt)
+    if not arguments.flag("json"):
+        _tell_heard(observation, reports, robots.dds_of(declaration).domain)
+    saved = robots.save(declaration, namespace, observation, vault.encrypt) if namespace is not None else None
     if arguments.flag("json"):
         more = {"saved": None if saved is None else str(saved)}
         print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports), **more}))
-        return code
+    elif saved is not None:
+        print(translate(f"{saved} was written, its token encrypted: look at it before you keep it"))
+    return code
+
+
+def _tell_heard(observation: Observation, reports: Sequence[RobotReport], number: int) -> None:
     for report in reports:
         for line in _report_lines(report):
             print(line)
     count = len(observation.participants)
-    number = robots.dds_of(declaration).domain
     print(translate(f"participants of domain {number} that were heard in {observation.seconds:.0f} s: {count}"))
     if observation.program == "rclpy":
         print(translate("heard by ROS 2's own library, with which this was never tried: docs/robots.md"))
-    if saved is not None:
-        print(translate(f"{saved} was written, its token encrypted: look at it before you keep it"))
     if not count:
         print(translate("silence proves nothing: is a robot on, in this network, and in this domain?"))
-    return code
 
 
 def _listen(
