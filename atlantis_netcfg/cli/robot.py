@@ -164,12 +164,16 @@ ROBOT_DISCOVER = CommandSpec(
 
 def run_robot_discover(arguments: Arguments) -> ExitCode:
     """Listen, and say who was heard."""
+    from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.operations import robots
 
     declaration, site = _declaration(arguments), arguments.word("site")
     _require_site(declaration, site)
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
     record = _record(arguments, declaration)
+    namespace, vault = arguments.optional("save"), vault_of(arguments)
+    if namespace is not None:
+        _ = vault.secrets  # whoever has no password is told before half a minute is over
     try:
         observation, reports = _listen(arguments, declaration, site, seconds, record)
     except KeyboardInterrupt:
@@ -179,21 +183,17 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     code = robots.ending(reports, observation)
     if record is not None and record.reason:
         code = ExitCode.CHECKS_FAILED
-    saved = None
-    if (namespace := arguments.optional("save")) is not None:
-        from atlantis_netcfg.cli._passphrase import vault_of
-
-        saved = robots.save(declaration, namespace, observation, vault_of(arguments).encrypt)
+    if not arguments.flag("json"):
+        _tell_heard(observation, reports, robots.dds_of(declaration).domain)
+        _tell_recording(record)
+    saved = robots.save(declaration, namespace, observation, vault.encrypt) if namespace is not None else None
     if arguments.flag("json"):
         more: dict[str, object] = {"saved": None if saved is None else str(saved)}
         if record is not None:
             more["recording"] = record.as_dict()
         print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports), **more}))
-        return code
-    _tell_reports(reports, observation, robots.dds_of(declaration).domain)
-    if saved is not None:
+    elif saved is not None:
         print(translate(f"{saved} was written, its token encrypted: look at it before you keep it"))
-    _tell_recording(record)
     return code
 
 
@@ -210,7 +210,7 @@ def _record(arguments: Arguments, declaration: Declaration) -> BagRecorder | Non
     return robots.recorder(declaration, folder)
 
 
-def _tell_reports(reports: Sequence[RobotReport], observation: Observation, number: int) -> None:
+def _tell_heard(observation: Observation, reports: Sequence[RobotReport], number: int) -> None:
     for report in reports:
         for line in _report_lines(report):
             print(line)

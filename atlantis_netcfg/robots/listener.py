@@ -355,7 +355,9 @@ class CycloneListener:
         handle = sample.sample_info.publication_handle
         if handle not in self._handles:
             endpoint = reader.get_matched_publication_data(handle)
-            self._handles[handle] = str(endpoint.key) if endpoint is not None else ""
+            if endpoint is None:  # it has just gone
+                return
+            self._handles[handle] = str(endpoint.key)
         key = self._handles[handle]
         if key not in self.log.writers:
             return
@@ -448,9 +450,11 @@ class RosListener:
             text = data[_BODY + 4 : _BODY + 3 + min(size, _LONGEST)].decode("utf-8", "replace")
             sole = len(self._publishers[topic]) == 1
             participant = next(iter(self._publishers[topic])) if sole else f"text {content_hash(data)}"
-            key = f"{key} {participant}"
+            key = f"{key} {content_hash(data)}"
             self.log.add_writer(key, participant, topic, kind, reliable=False)
             self.log.add_text(key, text)
+            if key in self.log.writers:  # another one may have come since
+                self.log.writers[key]["participant"] = participant
         elif stamped and len(data) >= _STAMP_END:
             seconds, nanoseconds = struct.unpack_from(f"{order}iI", data, _BODY)
             stamp_s, content = seconds + nanoseconds / 1e9, data[_STAMP_END:]

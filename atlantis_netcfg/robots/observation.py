@@ -29,6 +29,8 @@ _FEWEST: Final = 3
 _TOLERANCE: Final = 1.1
 """Above a guideline: a rate that is measured is never exact."""
 _CHECK_ITS_FILE: Final = "ask its partner for the file that it publishes, and check that: `provision robot validate`"
+_MOST_FOREIGN: Final = 3
+"""Addresses in other domains that are named at a robot that is missing."""
 _STALE_S: Final = 5.0
 """Stamps that differ so much from the time of arrival are of another clock, or of an old message."""
 
@@ -178,7 +180,7 @@ def _missing(source: RobotSource, observation: Observation) -> RobotReport:
         message = f"somebody publishes {topic}, and no configuration of it was heard"
         hint = "a robot that is registered stops publishing it: start its program again"
         findings = [BearerFinding(Verdict.INCONCLUSIVE, "configuration-missing", message, hint)]
-    for address, domains in observation.other_domains.items():
+    for address, domains in list(observation.other_domains.items())[:_MOST_FOREIGN]:
         message = f"{address} speaks in domain {', '.join(map(str, domains))}, which is not that of `dds.domain`"
         hint = "if that is this robot: set its ROS_DOMAIN_ID as declared, and start its programs anew"
         findings.append(BearerFinding(Verdict.INCONCLUSIVE, "other-domain", message, hint))

@@ -169,3 +169,10 @@ def test_every_lie_has_exactly_its_finding(lies: dict[str, Any]) -> None:
         "image_seldom": ["declared", "topic-rate-below"],
         "pose_often": ["declared", "topic-rate-above"],
     }
+
+
+def test_robots_that_are_switched_off_meanwhile_end_nothing() -> None:
+    script = '"$1" robot mock for=6s >"$2" 2>&1 & "$1" robot discover site=coastal for=12s address=127.0.0.1 --json'
+    done = alone(script, str(PROVISION), "/dev/null")
+    assert done.returncode == 0, done.stderr
+    assert {each["state"] for each in json.loads(done.stdout)["robots"]} == {"declared"}

@@ -25,6 +25,7 @@ PASSED_ON = {
     ("bootstrap/run.py", "DeviceFailed"): _REASON,
     ("bootstrap/run.py", "PreflightRefused"): _REASON,
     ("cli/_session.py", "Stopped"): _CALLER,
+    ("cli/robot.py", "CostRefused"): _CAUSE,
     ("console/terminal.py", "ConsoleLost"): _CAUSE,
     ("console/types.py", "ConsoleLost"): _CALLER,
     ("console/types.py", "ConsoleRefused"): _CALLER,

@@ -1,7 +1,7 @@
 """In place of ROS 2's rclpy and rosidl_runtime_py: functions that their documentation has, and a network of a file.
 
 ROS_STAND_IN names it: rows of a topic, its type, the node and its namespace, the identity of the endpoint, whether it
-is reliable, how often it sends, and the messages, in turn, as CDR in hex digits.
+is reliable, from when on it is there, how often it sends, and the messages, in turn, as CDR in hex digits.
 """
 
 import json
@@ -48,8 +48,12 @@ class _Node:
         self._sent = [0] * len(self._rows)
         self._began = time.monotonic()
 
+    def _present(self) -> list[dict[str, Any]]:
+        now = time.monotonic() - self._began
+        return [row for row in self._rows if row.get("from_s", 0) <= now]
+
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
-        names = {row["topic"] for row in self._rows}
+        names = {row["topic"] for row in self._present()}
         types = {name: sorted({row["type"] for row in self._rows if row["topic"] == name}) for name in names}
         return [*types.items(), ("/nobody/publishes", ["std_msgs/msg/Bool"])]
 
@@ -66,7 +70,7 @@ class _Node:
                     )
                 ),
             )
-            for row in self._rows
+            for row in self._present()
             if row["topic"] == topic_name
         ]
 
@@ -86,7 +90,7 @@ class _Node:
 
     def due(self) -> list[int]:
         now = time.monotonic() - self._began
-        return [n for n, row in enumerate(self._rows) if self._sent[n] < now * row["rate_hz"]]
+        return [n for n, row in enumerate(self._rows) if self._sent[n] < (now - row.get("from_s", 0)) * row["rate_hz"]]
 
     def send(self, number: int) -> None:
         row = self._rows[number]

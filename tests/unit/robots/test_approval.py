@@ -108,6 +108,15 @@ class _Later(datetime):
         return datetime(UNTIL.year, UNTIL.month, UNTIL.day, tzinfo=tz) + timedelta(days=1)
 
 
+def test_without_a_password_nobody_listens_for_a_file_that_cannot_be_written(
+    pier: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("ansible.constants.DEFAULT_VAULT_PASSWORD_FILE", None)
+    monkeypatch.setattr(robots, "discover", lambda *_: pytest.fail("it has listened"))
+    assert main(["robot", "discover", "site=coastal", "save=lauv", f"inventory={pier / 'inventory'}", "--json"]) == 3
+    assert "there is no password for them" in capsys.readouterr().out
+
+
 def test_a_file_is_written_for_a_robot_that_was_heard_once_and_is_declared(pier: Path) -> None:
     declaration = load(pier / "inventory")
     twice = stranger()

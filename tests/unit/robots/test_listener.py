@@ -142,6 +142,16 @@ def test_two_robots_of_one_namespace_are_not_one_to_ros(tmp_path: Path) -> None:
     assert "namespace-twice" in {each.code for each in report.findings}
 
 
+def test_a_robot_that_comes_later_does_not_make_two_of_the_first(tmp_path: Path) -> None:
+    first, second = (
+        row("/atlantis/configuration", "std_msgs/msg/String", n, 1.0, string(text_of(name)))
+        for n, name in enumerate(("sparus", "other"))
+    )
+    seen = run([first, {**second, "from_s": 1.5}], tmp_path, 5.0)
+    codes = {each.namespace: {one.code for one in each.findings} for each in judge(seen, [], [], KeyNames())}
+    assert codes == {name: {"robot-unknown", "topic-missing"} for name in ("sparus", "other")}
+
+
 def test_without_either_library_it_says_so() -> None:
     requested = {
         "domain": 7,
