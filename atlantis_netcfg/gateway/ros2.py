@@ -208,9 +208,8 @@ class GatewayRos2:
     """What the role installs, writes and tries. Without declared ROS 2 nothing."""
 
     packages: tuple[Package, ...] = ()
-    source: str = ""
-    source_ros1: str = ""
-    """Empty: nothing of ROS 1 is wanted."""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """Path to content; that of ROS 1 only where something of it is wanted."""
     pins: str = ""
     key: ArchiveKey | None = None
     codename: str = ""
@@ -230,14 +229,10 @@ class GatewayRos2:
         return {
             "packages": {
                 "packages": [{"name": package.name, "version": package.version} for package in self.packages],
-                "sources": [
-                    {"path": path, "content": content}
-                    for path, content in ((_SOURCE, self.source), (_SOURCE_ROS1, self.source_ros1))
-                    if content
-                ],
+                "sources": [{"path": path, "content": content} for path, content in self.sources.items()],
                 "keys": [key],
                 "pins": [{"path": _PINS, "content": self.pins}],
-                "absent": [*_SAME, _SAME_ROS1 if self.source_ros1 else _SOURCE_ROS1],
+                "absent": [*_SAME, _SAME_ROS1 if _SOURCE_ROS1 in self.sources else _SOURCE_ROS1],
                 "expected": {
                     "codename": self.codename,
                     "distribution": self.distribution,
@@ -280,18 +275,18 @@ def gateway_ros2(
     bridged = host.device.ros1_bridge is not None and host.device.ros1_bridge.archive is None
     more = (*(() if declared is None else recorder(release.name)), *(bridge(release.name) if bridged else ()))
     packages = tuple(_packages(release, ros2, dds, more))
-    ros1 = url if stand_in is not None else str(ros2.ros1_mirror or release.ros1.get(ros2.origin, ""))
-    sources = {
-        name: _render("ros2.sources.j2", name=name, url=each, codename=codename, keyring=_KEYRING)
-        for name, each in (("ROS 2", url), ("ROS 1", ros1))
-    }
+    urls = {_SOURCE: ("ROS 2", url)}
+    if bridged and stand_in is None:
+        urls[_SOURCE_ROS1] = "ROS 1", str(ros2.ros1_mirror or release.ros1[ros2.origin])
     return GatewayRos2(
         packages=packages,
-        source=sources["ROS 2"],
-        source_ros1=sources["ROS 1"] if bridged else "",
+        sources={
+            path: _render("ros2.sources.j2", name=name, url=each, codename=codename, keyring=_KEYRING)
+            for path, (name, each) in urls.items()
+        },
         pins=_render(
             "ros2.pref.j2",
-            hosts=dict.fromkeys(urlsplit(each).hostname for each in ((url, ros1) if bridged else (url,))),
+            hosts=dict.fromkeys(urlsplit(each).hostname for _, each in urls.values()),
             origin=ros2.origin.value,
             pins=ros2.pins,
         ),
