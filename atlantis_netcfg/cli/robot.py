@@ -240,7 +240,7 @@ _LOOP = Flag("loop", "begin the recording again when it is over")
 
 ROBOT_MOCK = CommandSpec(
     "robot mock",
-    "be a robot: publish its configuration and its topics, or a recording, so that a control centre can be tried",
+    "be a robot: publish its topics and answer its commands and plans, or a recording, to test a control centre",
     group=Group.LINKS,
     words=(
         Word("vehicle", "only these robots; all that the declaration has if left out", many=True, example="sparus"),
@@ -255,15 +255,18 @@ ROBOT_MOCK = CommandSpec(
     flags=(_LOOP,),
     details=(
         "From this computer, without ROS, by the names and types of ROS 2. Its position is a circle off Viana do "
-        "Castelo. Commands and plans are not answered yet. The tokens of the robots' files are published: use "
-        "examples. Of a recording everything is published whose type is known, also what a robot would obey: with "
-        "`site=` only where no robot is. Its stamps stay, so that `robot discover` calls them stale."
+        "Castelo, whatever it is commanded, and its booleans are false. A command takes 3 seconds, each step of a plan "
+        "one; the status that it reports is 0, for its values are unknown. Who sends commands and plans needs "
+        "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; topics are read by every ROS 2. The tokens of the robots' files are "
+        "published: use examples. Of a recording everything is published whose type is known, also what a robot would "
+        "obey: with `site=` only where no robot is. Its stamps stay, so that `robot discover` calls them stale."
     ),
 )
 
 
 def run_robot_mock(arguments: Arguments) -> ExitCode:
-    """Publish until the time is over."""
+    """Publish and answer until the time is over."""
+    from collections import Counter
     from contextlib import suppress
 
     from atlantis_netcfg.core.errors import UsageError
@@ -286,17 +289,37 @@ def run_robot_mock(arguments: Arguments) -> ExitCode:
         raise UsageError("`--loop` is for a recording", hint="add it: `bag=FOLDER`")
     robots_here: list[MockRobot] = []
 
-    def tell(mocks: Sequence[MockRobot]) -> None:
-        robots_here.extend(mocks)
-        names = ", ".join(each.robot.name for each in mocks)
-        print(translate(f"at {place.address}, in domain {robots.dds_of(declaration).domain}: {names}"))
-        print(translate("Ctrl-C ends it"), flush=True)
+    def watch(mocks: Sequence[MockRobot]) -> None:
+        if not robots_here:
+            robots_here.extend(mocks)
+            names = ", ".join(each.robot.name for each in mocks)
+            print(translate(f"at {place.address}, in domain {robots.dds_of(declaration).domain}: {names}"))
+            _tell_limits(mocks)
+        _tell_goals(mocks)
 
     with suppress(KeyboardInterrupt):
-        robots.mock(declaration, arguments.many("vehicle"), place, seconds, tell)
+        robots.mock(declaration, arguments.many("vehicle"), place, seconds, watch)
+    _tell_goals(robots_here)
     for each in robots_here:
+        counts = sum((action.counts for action in each.actions), Counter())
         print(translate(f"  {each.robot.name}: {sum(each.sent.values())} messages on {len(each.sent)} topics"))
+        accepted, refused, unreadable = (counts[word] for word in ("accepted", "refused", "unreadable"))
+        print(
+            translate(f"  {each.robot.name}: goals accepted {accepted}, refused {refused}, not understood {unreadable}")
+        )
     return ExitCode.DONE if robots_here else ExitCode.NOTHING
+
+
+def _tell_limits(mocks: Sequence[MockRobot]) -> None:
+    for line in (line for each in mocks for line in each.limits()):
+        print(f"  {translate(line)}")
+    print(translate("Ctrl-C ends it"), flush=True)
+
+
+def _tell_goals(mocks: Sequence[MockRobot]) -> None:
+    for action in (action for each in mocks for action in each.actions):
+        while action.notices:
+            print(f"  {action.name}: {translate(action.notices.popleft())}", flush=True)
 
 
 def _replay(

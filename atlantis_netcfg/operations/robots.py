@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import re
 import socket
@@ -39,6 +40,7 @@ LOOPBACK: Final = "127.0.0.1"
 SHORTEST_S, LONGEST_S = 5, 3600
 _LISTENERS: Final = 20
 """Participants of one computer that are found: mock robots and whoever listens to them."""
+_POLL_S: Final = 0.02
 _POSITION: Final = (41.68, -8.83)
 """Off Viana do Castelo, where a site declares no geofence."""
 
@@ -134,6 +136,24 @@ def discover(
     return observation, judge(observation, sources, expected_at(declaration, site), names)
 
 
+async def hear(declaration: Declaration, site: str, seconds: float) -> Observation:
+    """Listen at a site, and let others work meanwhile. Raises UsageError."""
+    names, _ = key_names(declaration)
+    dds = dds_of(declaration)
+    local = _address(declaration, site, None)
+    types = await asyncio.to_thread(MessageTypes, declaration.root / FOLDER / INTERFACES)
+    with domain(dds.domain, profile(local, peers_of(declaration, site), dds.participants)) as number:
+        return await _polled(RobotListener(number, types, names.configuration_topic), seconds)
+
+
+async def _polled(listener: RobotListener, seconds: float) -> Observation:
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        listener.poll()
+        await asyncio.sleep(_POLL_S)
+    return listener.observation()
+
+
 def ending(reports: Sequence[RobotReport], observation: Observation) -> ExitCode:
     """0: every robot that was expected was heard and is as declared; a stranger, and silence, are never that."""
     known = [report for report in reports if report.state is RobotState.DECLARED]
@@ -167,9 +187,12 @@ def mock(
     vehicles: Sequence[str],
     place: MockPlace,
     seconds: float | None,
-    tell: Callable[[Sequence[MockRobot]], None],
+    watch: Callable[[Sequence[MockRobot]], None],
 ) -> list[MockRobot]:
-    """Be these robots until the time is over; `tell` hears who they are when they begin. Raises UsageError."""
+    """Be these robots until the time is over; `watch` is called before each round, at least ten times a second.
+
+    Raises UsageError.
+    """
     sources, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
@@ -181,8 +204,7 @@ def mock(
             MockRobot(robot, text, *_POSITION, types, Publisher(number, types), names.configuration_topic)
             for robot, text in robots
         ]
-        tell(mocks)
-        _publish(mocks, seconds)
+        _publish(mocks, seconds, lambda: watch(mocks))
     return mocks
 
 
@@ -207,10 +229,13 @@ def replay(  # noqa: PLR0913 - what a person types
         _publish([player], seconds)
 
 
-def _publish(actors: Sequence[MockRobot | BagPlayer], seconds: float | None) -> None:
+def _publish(
+    actors: Sequence[MockRobot | BagPlayer], seconds: float | None, watch: Callable[[], None] = lambda: None
+) -> None:
     """Let them publish what is due until the time is over, or nobody has anything more to say."""
     until = math.inf if seconds is None else time.monotonic() + seconds
     next_s = 0.0
     while time.monotonic() < until and next_s < math.inf:
+        watch()
         next_s = min(each.step(time.monotonic()) for each in actors)
         time.sleep(min(0.1, max(0.0, next_s - time.monotonic())))

@@ -137,7 +137,7 @@ def judge(
         findings += _against_the_file(robot, source) if source is not None else [_unknown(name, known)]
         keys = {each.writer.participant for each, _ in copies}
         writers = [writer for writer in observation.writers if writer.participant in keys]
-        findings += _topics(robot, writers, observation)
+        findings += [finding for _, finding in topic_findings(robot, writers, observation)]
         state = RobotState.UNKNOWN if source is None else RobotState.DECLARED
         vehicle = source.vehicle if source is not None else None
         reports.append(RobotReport(name, state, vehicle, tuple(findings), tuple(writers)))
@@ -148,9 +148,15 @@ def judge(
 
 def _missing(source: RobotSource, observation: Observation) -> RobotReport:
     name = source.robot.name if source.robot is not None else str(source.vehicle)
+    declared = {topic.name for topic in source.robot.topics()} if source.robot is not None else set()
+    topic = next((writer.topic for writer in observation.writers if writer.topic in declared), None)
     message = f"nothing was heard of it in {observation.seconds:.0f} s"
     hint = "is it switched on, in the network, and in the domain of `dds.domain`?"
     finding = BearerFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)
+    if topic is not None:
+        message = f"somebody publishes {topic}, and no configuration of it was heard"
+        hint = "a robot that is registered stops publishing it: start its program again"
+        finding = BearerFinding(Verdict.INCONCLUSIVE, "configuration-missing", message, hint)
     return RobotReport(name, RobotState.MISSING, source.vehicle, (finding,))
 
 
@@ -198,19 +204,23 @@ def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerF
         yield BearerFinding(Verdict.FAIL, "configuration-differs", message, _CHECK_ITS_FILE)
 
 
-def _topics(robot: RobotFile, writers: Sequence[HeardWriter], observation: Observation) -> Iterator[BearerFinding]:
+def topic_findings(
+    robot: RobotFile, writers: Sequence[HeardWriter], observation: Observation
+) -> Iterator[tuple[PublishedTopic, BearerFinding]]:
+    """What is wrong with each topic that a robot's configuration names; `writers` are its own."""
     for topic in robot.topics():
         rows = [writer for writer in writers if writer.topic == topic.name]
         if not rows:
             message = f"it does not publish {topic.name}, which its configuration names"
-            yield BearerFinding(Verdict.FAIL, "topic-missing", message, "look at the program that publishes it")
+            hint = "look at the program that publishes it"
+            yield topic, BearerFinding(Verdict.FAIL, "topic-missing", message, hint)
         elif topic.name in observation.unread:
             message = f"the type of {topic.name} is not known here, so that nothing of it was counted"
             hint = f"put {observation.unread[topic.name]} into robots/interfaces of the inventory"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
+            yield topic, BearerFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
         else:
             for writer in rows:
-                yield from _topic(topic, writer, observation.seconds)
+                yield from ((topic, finding) for finding in _topic(topic, writer, observation.seconds))
 
 
 def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[BearerFinding]:
@@ -223,6 +233,9 @@ def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterat
         message = f"nothing was heard on {topic.name} in {seconds:.0f} s, though it is published"
         yield BearerFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
         return
+    if rate is None and beside_guideline(topic.kind.data, 0.0) is not None:
+        message = f"{topic.name} was heard {writer.messages} times in {seconds:.0f} s: too few to tell its rate"
+        yield BearerFinding(Verdict.INCONCLUSIVE, "topic-rate-unknown", message, "listen longer: `for=60s`")
     if rate is not None:
         way, guideline = beside_guideline(topic.kind.data, rate) or ("", "")
         is_near = beside_guideline(topic.kind.data, rate / _TOLERANCE if way == "above" else rate * _TOLERANCE) is None

@@ -175,7 +175,7 @@ class BagPlayer:
         for each in bag.topics.values():
             for owner in set(bag.robots.values()) if self._introduces(each) else {bag.owners.get(each.name, "")}:
                 publisher = self._publishers.get(owner) or self._publishers.setdefault(owner, Publisher(number, types))
-                publisher.offer(each.name, each.type, reliable=each.reliable, transient_local=each.transient_local)
+                publisher.advertise(each.name, each.type, reliable=each.reliable, transient_local=each.transient_local)
         self._start_s = time.monotonic() + _MEET_S
         self._messages = _messages(bag.files)
         self._next: BagMessage | None = next(self._messages)

@@ -228,7 +228,6 @@ ELSEWHERE = {
     "emulator/routeros/running.py": 1,
     "emulator/ssh.py": 1,
     # Tools of the checkout write its pages, which are in git.
-    "declaration/argument_specs.py": 1,
     "declaration/json_schema.py": 1,
     "declaration/key_reference.py": 1,
     # Programs of a gateway, in Python's standard library alone, in folders of root or new ones.

@@ -158,7 +158,7 @@ def test_a_bag_is_published_by_those_who_spoke(bag: Path, monkeypatch: pytest.Mo
             self.offered: dict[str, tuple[str, bool, bool]] = {}
             people.append(self)
 
-        def offer(self, topic: str, kind: str, *, reliable: bool, transient_local: bool) -> None:
+        def advertise(self, topic: str, kind: str, *, reliable: bool, transient_local: bool) -> None:
             self.offered[topic] = (kind, reliable, transient_local)
 
         def publish(self, topic: str, kind: str, message: Any) -> None:  # noqa: ANN401 - a message
@@ -187,9 +187,9 @@ def test_a_recording_begins_again(bag: Path, monkeypatch: pytest.MonkeyPatch) ->
     class Silent:
         def __init__(self, *_: object) -> None: ...
 
-        def offer(self, *_: object, **__: object) -> None: ...
+        def advertise(self, *_: object, **__: object) -> None: ...
 
-        publish = offer
+        publish = advertise
 
     monkeypatch.setattr(replay, "Publisher", Silent)
     read = replay.read_bag(bag, TYPES, NAMES)
