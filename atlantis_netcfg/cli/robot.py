@@ -228,10 +228,10 @@ def _tell_recording(record: BagRecorder | None) -> None:
 
     if record is None:
         return
-    if not record.messages:
+    if record.messages:
+        print(translate(f"recorded in {shown_path(record.folder)}: {record.messages} messages, {size(record.octets)}"))
+    elif not record.reason:
         print(translate("nothing was recorded, for no message of a known type came"))
-        return
-    print(translate(f"recorded in {shown_path(record.folder)}: {record.messages} messages, {size(record.octets)}"))
     if record.reason:
         print(translate(f"the recording ended early: {record.reason}"))
 
