@@ -564,18 +564,18 @@ _ROBOTS: Mapping[str, RehearsedFault] = {
     "robot-topic-missing": RehearsedFault(
         "Sparus does not publish its leak sensor",
         ("sparus/robot/telemetry",),
-        _robot("sparus", robots.without("/leak")),
+        _robot("sparus", robots.without("leak")),
     ),
     "robot-frozen": RehearsedFault(
-        "the pose of Mares is always the same", ("mares/robot/pose",), _robot("mares", robots.frozen("/pose"))
+        "the pose of Mares is always the same", ("mares/robot/pose",), _robot("mares", robots.frozen("pose"))
     ),
     "robot-stale": RehearsedFault(
-        "the positions of Zarco are a minute old", ("zarco/robot/pose",), _robot("zarco", robots.stale("/fix"))
+        "the positions of Zarco are a minute old", ("zarco/robot/pose",), _robot("zarco", robots.stale("fix"))
     ),
     "robot-rate": RehearsedFault(
         "Girona 500 publishes its depth 20 times a second",
         ("girona500/robot/rates",),
-        _robot("girona500", robots.at_rate("/depth", 20.0)),
+        _robot("girona500", robots.at_rate("depth", 20.0)),
     ),
 }
 
