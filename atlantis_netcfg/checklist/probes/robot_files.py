@@ -18,9 +18,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.robots.observation import Observation, RobotReport
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, repr=False)
 class RobotFiles:
-    """Robots by their vehicles; a file with errors hinders no list, for `provision validate` refuses it."""
+    """Robots by their vehicles; a file with errors hinders no list, for `provision validate` refuses it.
+
+    It holds the robots' tokens, and has no text form.
+    """
 
     names: KeyNames
     sources: Mapping[str, RobotSource]
