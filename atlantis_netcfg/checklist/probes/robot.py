@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
+    from atlantis_netcfg.checklist.probes.step import Probe
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model.robot import PublishedTopic
     from atlantis_netcfg.robots.observation import HeardWriter, Observation, RobotReport
@@ -103,9 +104,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     )
 
 
-def _automatic(
-    name: str, title: str, probe: _VpnOfRobot | _Discovered | _TopicsHeard | _Strangers | _BrokenFile, unless: str = ""
-) -> Step:
+def _automatic(name: str, title: str, probe: Probe, unless: str = "") -> Step:
     phase = Phase.QUAY if name == RobotItem.POSE else Phase.BENCH
     return Step(name, title, ItemKind.AUTOMATIC, phase, None if unless else probe, unless=unless)
 
