@@ -1,13 +1,4 @@
-"""One run of `provision check`: from the words to a book, through people and probes, to the report.
-
-How a sitting ends: a signature or none, the pages, and what is told.
-
-Select what probes run against: the real site, or a rehearsal of it in which faults may be injected.
-
-The book of a sitting: where it lies, and what stands at its head.
-
-The checklists that are kept on this computer, for the commands that tell of them.
-"""
+"""One run of `provision check`: open the book of a real site or of a rehearsal, probe, ask, sign, report."""
 
 from __future__ import annotations
 

@@ -1,13 +1,4 @@
-"""Commands of the pre-test checklist: `check`, `report list`, `report show`, `report verify`.
-
-`provision check`: the pre-test checklist of a site, probed, confirmed by people, signed, reported.
-
-`provision report list`: the history of a site's checklists, and what has changed since all was green.
-
-`provision report show`: a kept checklist again, and where its pages are.
-
-`provision report verify`: whether what was signed is still what was signed.
-"""
+"""Commands of the pre-test checklist: `check`, `report list`, `report show`, `report verify`."""
 
 from __future__ import annotations
 

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import re
 import socket
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass
 from ipaddress import IPv4Address
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import InventoryInvalid
 from atlantis_netcfg.declaration.model import ControlCentre, ServerComputer
-from atlantis_netcfg.declaration.robots.reading import FOLDER, key_names, load_robots
+from atlantis_netcfg.declaration.robots.reading import FOLDER, NO_ROBOT_CONTACTED, key_names, load_robots
 from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
 from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile
 from atlantis_netcfg.robots.observation import RobotState, judge
+from atlantis_netcfg.robots.recording import BagRecorder
+from atlantis_netcfg.robots.replay import BagPlayer, read_bag
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -28,6 +34,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.robots.key_names import KeyNames
     from atlantis_netcfg.declaration.robots.reading import RobotSource
     from atlantis_netcfg.robots.observation import Observation, RobotReport
+    from atlantis_netcfg.robots.replay import Bag
 
 LOOPBACK: Final = "127.0.0.1"
 SHORTEST_S, LONGEST_S = 5, 3600
@@ -39,12 +46,12 @@ _POSITION: Final = (41.68, -8.83)
 
 
 def seconds_of(text: str) -> int:
-    """Return what `for=` says. Raises UsageError."""
+    """Return what `for=` and `observed=` say. Raises UsageError."""
     found = re.fullmatch(r"([0-9]{1,6})(s|m)?", text)
     seconds = int(found[1]) * (60 if found[2] == "m" else 1) if found else 0
     if not SHORTEST_S <= seconds <= LONGEST_S:
-        hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `for=30s`, `for=5m`"
-        raise UsageError(f"`for={text}` is no such time", hint=hint)
+        hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `30s`, `5m`"
+        raise UsageError(f"`{text}` is no such time", hint=hint)
     return seconds
 
 
@@ -107,16 +114,25 @@ def expected_at(declaration: Declaration, site: str) -> list[str]:
     return [key for key in declaration.vehicles if named is None or key in named]
 
 
+def recorder(declaration: Declaration, folder: str) -> BagRecorder:
+    """What writes a bag into a new folder. Raises UsageError."""
+    return BagRecorder(Path(folder), MessageTypes(declaration.root / FOLDER / INTERFACES))
+
+
 def discover(
-    declaration: Declaration, site: str, seconds: float, address: str | None
+    declaration: Declaration, site: str, seconds: float, address: str | None, record: BagRecorder | None = None
 ) -> tuple[Observation, list[RobotReport]]:
     """Listen at a site, and compare what is heard with the robots' files. Raises UsageError."""
     sources, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
     local = _address(declaration, site, address)
-    with domain(dds.domain, profile(local, peers_of(declaration, site), dds.participants)) as number:
-        observation = RobotListener(number, types, names.configuration_topic).listen(seconds)
+    with (
+        domain(dds.domain, profile(local, peers_of(declaration, site), dds.participants)) as number,
+        record or nullcontext(),
+    ):
+        keep = record.add if record is not None else None
+        observation = RobotListener(number, types, names.configuration_topic, keep).listen(seconds)
     return observation, judge(observation, sources, expected_at(declaration, site), names)
 
 
@@ -171,9 +187,12 @@ def mock(
     vehicles: Sequence[str],
     place: MockPlace,
     seconds: float | None,
-    tell: Callable[[Sequence[MockRobot]], None],
+    watch: Callable[[Sequence[MockRobot]], None],
 ) -> list[MockRobot]:
-    """Be these robots until the time is over; `tell` hears who they are when they begin. Raises UsageError."""
+    """Be these robots until the time is over; `watch` is called before each round, at least ten times a second.
+
+    Raises UsageError.
+    """
     sources, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
@@ -185,9 +204,38 @@ def mock(
             MockRobot(robot, text, *_POSITION, types, Publisher(number, types), names.configuration_topic)
             for robot, text in robots
         ]
-        tell(mocks)
-        until = None if seconds is None else time.monotonic() + seconds
-        while until is None or time.monotonic() < until:
-            next_s = min(each.step(time.monotonic()) for each in mocks)
-            time.sleep(min(0.1, max(0.0, next_s - time.monotonic())))
+        _publish(mocks, seconds, lambda: watch(mocks))
     return mocks
+
+
+def replay(  # noqa: PLR0913 - what a person types
+    declaration: Declaration,
+    bag: str,
+    place: MockPlace,
+    seconds: float | None,
+    tell: Callable[[Bag, BagPlayer], None],
+    *,
+    loop: bool,
+) -> None:
+    """Publish a bag until it or the time is over; `tell` hears what is in it when it begins. Raises UsageError."""
+    dds, (names, findings) = dds_of(declaration), key_names(declaration)
+    if findings:
+        raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
+    types = MessageTypes(declaration.root / FOLDER / INTERFACES)
+    with domain(dds.domain, profile(place.address, place.peers, max(_LISTENERS, dds.participants))) as number:
+        contents = read_bag(Path(bag), types, names)
+        player = BagPlayer(contents, types, number, names.configuration_topic, loop=loop)
+        tell(contents, player)
+        _publish([player], seconds)
+
+
+def _publish(
+    actors: Sequence[MockRobot | BagPlayer], seconds: float | None, watch: Callable[[], None] = lambda: None
+) -> None:
+    """Let them publish what is due until the time is over, or nobody has anything more to say."""
+    until = math.inf if seconds is None else time.monotonic() + seconds
+    next_s = 0.0
+    while time.monotonic() < until and next_s < math.inf:
+        watch()
+        next_s = min(each.step(time.monotonic()) for each in actors)
+        time.sleep(min(0.1, max(0.0, next_s - time.monotonic())))

@@ -14,7 +14,9 @@ from atlantis_netcfg.robots.message_types import ros_type_name, stamp_of, topic_
 from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, content_hash
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
+
+    from cyclonedds.idl import IdlStruct
 
     from atlantis_netcfg.robots.message_types import MessageTypes
 
@@ -24,6 +26,15 @@ _KEPT: Final = 3
 """Different messages that are remembered of a topic."""
 _MOST_WRITERS: Final = 2000
 """Publishers that are listened to: a network of robots has fewer."""
+_DEPTH: Final = 10
+"""Of a topic, as rmw has it."""
+_BLOCK_MS: Final = 100
+"""How long a reader that takes nothing may hold the robot up."""
+_REQUESTS_AT_ONCE: Final = 32
+"""Of one service; of more the oldest are lost, as in a node of ROS, which keeps 10."""
+_LONGEST_REQUEST: Final = 1_000_000
+_ALIGNMENT: Final = 4
+"""Messages are padded to it."""
 CONFIGURATION_TYPE: Final = "std_msgs/msg/String"
 
 
@@ -64,7 +75,14 @@ def domain(number: int, configuration: str) -> Iterator[int]:
 class RobotListener:
     """Hears every publisher of a domain, and counts the messages of those whose type is known."""
 
-    def __init__(self, number: int, types: MessageTypes, configuration_topic: str) -> None:
+    def __init__(
+        self,
+        number: int,
+        types: MessageTypes,
+        configuration_topic: str,
+        keep: Callable[[HeardWriter, bytes], None] | None = None,
+    ) -> None:
+        """`keep` is given every message of a known type."""
         from cyclonedds.builtin import (  # noqa: PLC0415 - as above
             BuiltinDataReader,
             BuiltinTopicDcpsParticipant,
@@ -77,6 +95,7 @@ class RobotListener:
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._types = types
         self._topic = configuration_topic
+        self._keep = keep
         self._readers: dict[tuple[str, str], Any] = {}
         self._writers: dict[str, HeardWriter] = {}
         self._handles: dict[int, str] = {}
@@ -107,17 +126,17 @@ class RobotListener:
     def poll(self) -> None:
         """Take what has arrived."""
         guid = str(self._participant.guid)
+        # Of who leaves there is a sample with its key alone.
         for sample in self._people.take(N=_AT_ONCE):
-            key = str(getattr(sample, "key", ""))
-            if key and key != guid:
-                self._names[key] = _addresses(sample)
+            if sample.sample_info.valid_data and str(sample.key) != guid:
+                self._names[str(sample.key)] = _addresses(sample)
         for sample in self._publications.take(N=_AT_ONCE):
-            if hasattr(sample, "topic_name") and str(sample.participant_key) != guid:
+            if sample.sample_info.valid_data and str(sample.participant_key) != guid:
                 self._publication(sample)
-        for reader in list(self._readers.values()):
+        for (_, kind), reader in list(self._readers.items()):
             for sample in reader.take(N=_AT_ONCE):
                 if sample.sample_info.valid_data:
-                    self._message(reader, sample)
+                    self._message(reader, self._types.idl(kind), sample)
 
     def _publication(self, sample: Any) -> None:  # noqa: ANN401 - cyclonedds' endpoint
         from cyclonedds.core import Policy  # noqa: PLC0415 - as above
@@ -127,22 +146,20 @@ class RobotListener:
             return
         kind = ros_type_name(sample.type_name) or sample.type_name
         reliable = isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable)
-        self._writers[key] = HeardWriter(str(sample.participant_key), name, kind, reliable)
+        is_kept = sample.qos[Policy.Durability] == Policy.Durability.TransientLocal
+        self._writers[key] = HeardWriter(str(sample.participant_key), name, kind, reliable, is_kept)
         self._read(sample.topic_name, name, kind)
 
     def _read(self, dds_name: str, name: str, kind: str) -> None:
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
-        from cyclonedds.sub import DataReader  # noqa: PLC0415 - as above
-        from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
 
         if kind not in self._types:
             self._unread[name] = kind
         elif (dds_name, kind) not in self._readers:
             qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(_AT_ONCE))
-            topic = Topic(self._participant, dds_name, self._types.idl(kind))
-            self._readers[dds_name, kind] = DataReader(self._participant, topic, qos=qos)
+            self._readers[dds_name, kind] = _reader(self._participant, dds_name, self._types.idl(kind), qos)
 
-    def _message(self, reader: Any, sample: Any) -> None:  # noqa: ANN401 - of cyclonedds
+    def _message(self, reader: Any, kind: type[IdlStruct], sample: Any) -> None:  # noqa: ANN401 - of cyclonedds
         handle = sample.sample_info.publication_handle
         if handle not in self._handles:
             endpoint = reader.get_matched_publication_data(handle)
@@ -150,20 +167,22 @@ class RobotListener:
         writer = self._writers.get(self._handles[handle])
         if writer is None:
             return
-        data, now = sample.serialize(), time.monotonic()
+        data, message, now = sample.data, _decoded(kind, sample.data), time.monotonic()
         writer.first_s = writer.first_s if writer.messages else now
         writer.last_s = now
         writer.messages += 1
         writer.octets += len(data)
-        stamp = stamp_of(sample)
+        if self._keep is not None:
+            self._keep(writer, data)
+        stamp = stamp_of(message)
         if stamp is not None:
             age = time.time() - (stamp.sec + stamp.nanosec / 1e9)
             writer.stamp_age_s = age if writer.stamp_age_s is None else max(age, writer.stamp_age_s, key=abs)
             stamp.sec = stamp.nanosec = 0
         if len(writer.contents) < _KEPT:
-            writer.contents.add(content_hash(sample.serialize() if stamp is not None else data))
+            writer.contents.add(content_hash(message.serialize() if stamp is not None else data))
         if writer.topic == self._topic and writer.type == CONFIGURATION_TYPE:
-            self._texts[self._handles[handle]] = str(sample.data).encode()
+            self._texts[self._handles[handle]] = str(message.data).encode() if message is not None else data
 
 
 def _addresses(sample: Any) -> str:  # noqa: ANN401 - cyclonedds' participant
@@ -175,7 +194,7 @@ def _addresses(sample: Any) -> str:  # noqa: ANN401 - cyclonedds' participant
 
 
 class Publisher:
-    """One participant that publishes messages of ROS."""
+    """One participant that publishes messages of ROS, and offers services of ROS."""
 
     def __init__(self, number: int, types: MessageTypes) -> None:
         from cyclonedds.domain import DomainParticipant  # noqa: PLC0415 - as above
@@ -184,17 +203,111 @@ class Publisher:
         self._types = types
         self._writers: dict[str, Any] = {}
 
-    def publish(self, topic: str, kind: str, message: Any, *, reliable: bool = False) -> None:  # noqa: ANN401 - a message
-        """Send a message on a topic of ROS, whose publisher is made with the first one."""
+    def advertise(
+        self, topic: str, kind: str, *, reliable: bool = False, transient_local: bool = False, depth: int = _DEPTH
+    ) -> None:
+        """Make the publisher of a topic; a transient-local one gives its last messages to those who come later."""
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
-        from cyclonedds.pub import DataWriter  # noqa: PLC0415 - as above
-        from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
         from cyclonedds.util import duration  # noqa: PLC0415 - as above
 
+        reliability = Policy.Reliability.Reliable(duration(milliseconds=_BLOCK_MS))
+        qos = Qos(
+            reliability if reliable else Policy.Reliability.BestEffort,
+            Policy.Durability.TransientLocal if transient_local else Policy.Durability.Volatile,
+            Policy.History.KeepLast(depth),
+        )
+        self._writers[topic] = _writer(self._participant, f"rt{topic}", self._types.idl(kind), qos)
+
+    def publish(self, topic: str, kind: str, message: Any) -> None:  # noqa: ANN401 - a message
+        """Send a message on a topic of ROS, whose publisher is made with the first one."""
         if topic not in self._writers:
-            reliability = (
-                Policy.Reliability.Reliable(duration(seconds=1)) if reliable else Policy.Reliability.BestEffort
-            )
-            made = Topic(self._participant, f"rt{topic}", self._types.idl(kind))
-            self._writers[topic] = DataWriter(self._participant, made, qos=Qos(reliability, Policy.History.KeepLast(5)))
-        self._writers[topic].write(message)
+            self.advertise(topic, kind)
+        self.send(topic, message)
+
+    def send(self, topic: str, message: Any) -> bool:  # noqa: ANN401 - a message
+        """Send a message on an advertised topic; False: a reader of a reliable one takes nothing."""
+        return _write(self._writers[topic], message)
+
+    def service(self, name: str, kind: str) -> RosService:
+        """Offer a service of ROS."""
+        return RosService(self._participant, self._types, name, kind)
+
+
+class _Octets:
+    """A message as it came: who takes it decodes it, so that one that cannot be decoded takes no other along."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.sample_info: Any = None
+
+    @classmethod
+    def deserialize(cls, data: bytes) -> _Octets:
+        """For cyclonedds, which asks the type of a topic."""
+        return cls(data)
+
+    deserialize_key = deserialize
+
+
+class RosService:
+    """One service of ROS, as rmw_cyclonedds sends requests and replies."""
+
+    def __init__(self, participant: Any, types: MessageTypes, name: str, kind: str) -> None:  # noqa: ANN401 - of cyclonedds
+        from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
+        from cyclonedds.util import duration  # noqa: PLC0415 - as above
+
+        reliable = Policy.Reliability.Reliable(duration(milliseconds=_BLOCK_MS))
+        qos = Qos(reliable, Policy.History.KeepLast(_REQUESTS_AT_ONCE))
+        self._type = types.idl(f"{kind}_Request")
+        self._reader = _reader(participant, f"rq{name}Request", types.unchecked(f"{kind}_Request"), qos)
+        self._writer = _writer(participant, f"rr{name}Reply", types.idl(f"{kind}_Response"), qos)
+
+    def requests(self) -> Iterator[Any]:
+        """What has come since; None for a request that is not in this form."""
+        for sample in self._reader.take(N=_REQUESTS_AT_ONCE):
+            if sample.sample_info.valid_data:
+                data = sample.data if len(sample.data) <= _LONGEST_REQUEST else b""
+                message = _decoded(self._type, data)
+                is_whole = message is not None and 0 <= len(data) - len(message.serialize()) < _ALIGNMENT
+                yield message if is_whole else None
+
+    def reply(self, request: Any, message: Any) -> None:  # noqa: ANN401 - messages
+        """Answer a request."""
+        message.client, message.number = request.client, request.number
+        _write(self._writer, message)
+
+
+def _decoded(kind: type[IdlStruct], data: bytes) -> Any:  # noqa: ANN401 - a message
+    """A message; None: it is none of this type."""
+    try:
+        return kind.deserialize(data)
+    except Exception:  # noqa: BLE001 - cyclonedds and struct raise what they like
+        return None
+
+
+def _reader(participant: Any, name: str, kind: type[IdlStruct], qos: Any) -> Any:  # noqa: ANN401 - of cyclonedds
+    from cyclonedds.sub import DataReader  # noqa: PLC0415 - as above
+    from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
+
+    topic: Any = Topic(participant, name, kind)
+    reader = DataReader(participant, topic, qos=qos)
+    topic.data_type = _Octets
+    return reader
+
+
+def _writer(participant: Any, name: str, kind: type[IdlStruct], qos: Any) -> Any:  # noqa: ANN401 - of cyclonedds
+    from cyclonedds.pub import DataWriter  # noqa: PLC0415 - as above
+    from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
+
+    return DataWriter(participant, Topic(participant, name, kind), qos=qos)
+
+
+def _write(writer: Any, message: Any) -> bool:  # noqa: ANN401 - of cyclonedds
+    from cyclonedds.core import DDSException  # noqa: PLC0415 - as above
+
+    try:
+        writer.write(message)
+    except DDSException as error:
+        if error.code != DDSException.DDS_RETCODE_TIMEOUT:
+            raise
+        return False
+    return True

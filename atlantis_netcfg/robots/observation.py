@@ -40,6 +40,8 @@ class HeardWriter:
     type: str
     """In ROS' words where it is a type of ROS."""
     reliable: bool = False
+    transient_local: bool = False
+    """Its last messages are kept for whoever comes later."""
     messages: int = 0
     octets: int = 0
     """Of all messages, serialised."""

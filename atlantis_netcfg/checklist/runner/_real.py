@@ -1,14 +1,7 @@
-"""The real site's ears: each question goes to the place where its thing is.
+"""Ask the real site: each question goes to the place where its device is.
 
-The RouterOS devices of a site: questions to each in one session, links by one look, the satellite by a proof.
-
-The gateway computer as a place: one SSH command carries the program that listens, and all questions with it.
-
-This computer as a place: the program that listens, in a process of its own.
-
-The program that listens, at whatever place: packed with its questions, and read line by line.
-
-Who carries questions to their places and brings the answers back.
+RouterOS devices are asked in one session each. For the gateway and for this computer the agent program is packed with
+its questions, run there (over one SSH command, or as a process), and read line by line.
 """
 
 from __future__ import annotations

@@ -75,6 +75,12 @@ def stale(topic: str, message: Any) -> Any:  # noqa: ANN401 - a message
     return message
 
 
+def not_text(topic: str, message: Any) -> Any:  # noqa: ANN401 - a message
+    if topic == "configuration":
+        message.serialize = lambda **_: b"\x00\x01\x00\x00\x02\x00\x00\x00\xff\x00"
+    return message
+
+
 def stale_boolean(topic: str, message: Any) -> Any:  # noqa: ANN401 - a message
     if topic == "leak":
         message.stamp.sec -= 3600
@@ -94,6 +100,8 @@ LIES: Mapping[str, Mapping[str, Any]] = {
     "stranger": {},
     "twice": {},
     "unreadable": {},
+    "not_text": {"change": staticmethod(not_text)},
+    "leaving": {},
     "away": {},
     "outside": {},
     "without_configuration": {"left_out": frozenset({"configuration"})},
@@ -148,7 +156,9 @@ def items(observation: Observation, declared: Sequence[RobotSource], name: str) 
 
 def main(seconds: float) -> None:
     texts = {name: TEXT.replace("namespace: sparus", f"namespace: {name}") for name in LIES}
-    declared = [source(name, text) for name, text in texts.items() if name not in {"stranger", "unreadable"}]
+    declared = [
+        source(name, text) for name, text in texts.items() if name not in {"stranger", "unreadable", "not_text"}
+    ]
     texts["wrong_token"] = texts["wrong_token"].replace("EXAMPLE-sparus-token", "somebody-else")
     texts["other_file"] = texts["other_file"].replace("label: Leak", "label: Water")
     with domain(DOMAIN, profile("127.0.0.1", [], 40)):
@@ -161,7 +171,9 @@ def main(seconds: float) -> None:
         until = time.monotonic() + seconds
 
         def publish() -> None:
-            while time.monotonic() < until:
+            while (left := until - time.monotonic()) > 0:
+                if left < seconds / 2:
+                    robots[:] = [each for each in robots if each.robot.name != "leaving"]
                 for each in robots:
                     each.step(time.monotonic())
                 time.sleep(0.01)
@@ -176,8 +188,9 @@ def main(seconds: float) -> None:
         for report in reports
     }
     record = {each.vehicle: items(observation, declared, each.vehicle) for each in declared if each.vehicle}
+    unreadable = sum("configuration-unreadable" in {each.code for each in report.findings} for report in reports)
     text = "somebody-else" in json.dumps([rows, record])
-    sys.stdout.write(json.dumps({"robots": rows, "record": record, "text": text}))
+    sys.stdout.write(json.dumps({"robots": rows, "record": record, "unreadable": unreadable, "text": text}))
 
 
 if __name__ == "__main__":
