@@ -71,15 +71,15 @@ class SimulatedRobots:
 def honest_observation(files: RobotFiles, seconds: float = _SECONDS) -> Observation:
     """What is heard of robots that do as their files say; a participant is called as its vehicle."""
     observation = Observation(seconds)
-    for key, source in files.sources.items():
-        robot = source.robot
-        if robot is None or key not in files.tested:
+    for key in files.tested:
+        if key not in files.sources:
             continue
         observation.participants[key] = f"the emulated {key}"
         configuration = _writer(key, files.names.configuration_topic, CONFIGURATION_TYPE, 1.0, seconds)
-        observation.configurations.append(HeardConfiguration(configuration, source.text().encode()))
+        observation.configurations.append(HeardConfiguration(configuration, files.sources[key].text().encode()))
         observation.writers += [
-            _writer(key, topic.name, topic.message_type, RATES_HZ[topic.kind], seconds) for topic in robot.topics()
+            _writer(key, topic.name, topic.message_type, RATES_HZ[topic.kind], seconds)
+            for topic in files.robot(key).topics()
         ]
     return observation
 
