@@ -76,7 +76,7 @@ def test_a_robot_that_is_not_as_its_file_says_is_not_written(
         (others / "robots" / "sparus.yml").unlink()
     script = (
         '"$1" robot mock for=60s vehicle=zarco inventory="$3" >/dev/null 2>&1 & mock=$!; '
-        '"$1" fit site=coastal "vehicle=$4" observed=6s address=127.0.0.1 inventory="$2" --write; '
+        '"$1" fit site=coastal "vehicle=$4" observed=9s address=127.0.0.1 inventory="$2" --write; '
         "code=$?; kill $mock; wait $mock; exit $code"
     )
     done = alone(script, str(PROVISION), str(own), str(others), vehicle)
