@@ -1,13 +1,4 @@
-"""Signing a checklist: the key of this computer, canonical JSON, the signature of a named person, errors.
-
-A named person vouches for a document; and what tells that it is still the one.
-
-JSON of which every byte counts: one form to be signed, one to be read, and a reader that takes no other.
-
-The key with which this computer signs checklists: Ed25519 (RFC 8032), made at first use, for its owner only.
-
-What can go wrong with a kept checklist, in words for the person who keeps it.
-"""
+"""Sign a checklist: canonical JSON and the Ed25519 key (RFC 8032) of this computer, for a person who is named."""
 
 from __future__ import annotations
 

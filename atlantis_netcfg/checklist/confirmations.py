@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from atlantis_netcfg.checklist._ledger import is_picture
 from atlantis_netcfg.checklist._signing import SigningRefused
-from atlantis_netcfg.checklist.probes.step import EvidenceRequest, declared
+from atlantis_netcfg.checklist.probes.step import ITEMS, EvidenceRequest, declared
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemFinding, ItemKind, Override
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import EvidenceKind
@@ -179,7 +179,7 @@ def confirmed(
                 Evidence(
                     type=EvidenceType.CONFIRMED, what=item.title, value=note or confirmation.verdict, at=at, by=by
                 ),
-                *([declared("asked for", request.words)] if request.words else []),
+                *([declared("asked for", request.words)] if request.words and item.endpoint == ITEMS else []),
                 *(_filed(file, by, at) for file in files),
                 *earlier(item, PersonAnswer(confirmation.verdict, by, note)),
             ),

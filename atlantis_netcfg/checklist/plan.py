@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import ITEMS, SITE, Cell, Step
+from atlantis_netcfg.checklist.probes import INTEGRATION, ITEMS, ROBOT, SITE, Cell, Step
 from atlantis_netcfg.checklist.probes.items import items_of, people
 from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps_of
+from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
 from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, ItemKind, LeftOut, Phase, Row
 from atlantis_netcfg.core.errors import NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer, Site
+    from atlantis_netcfg.declaration.model import Bearer, Site, SiteCheckItem
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +33,20 @@ class Scope:
     """With a vehicle, the location's own items are left out."""
     endpoints: tuple[str, ...] = ()
     phases: tuple[Phase, ...] = ()
-    """Recovery alone, or some of the others; empty: all but recovery."""
+    """Recovery or integration alone, or some of the others; empty: all of the others."""
     mission: str = ""
     """Whose items are asked on top: it narrows nothing."""
 
     @property
-    def recovery(self) -> bool:
-        """Whether it is the list for when the vehicles are back, which is signed by itself."""
-        return Phase.RECOVERY in self.phases
+    def alone(self) -> Phase | None:
+        """The phase that is a list by itself, signed by itself; None: the list before a test."""
+        return next((phase for phase in self.phases if phase.is_alone), None)
+
+    def has(self, item: Item | SiteCheckItem) -> bool:
+        """Whether an item belongs to this list, narrowed or not; a record of integration is one robot's."""
+        if self.alone is Phase.INTEGRATION and item.phase is Phase.INTEGRATION:
+            return item.vehicle in self.vehicles
+        return item.phase is self.alone if self.alone else not item.phase.is_alone
 
     def as_dict(self) -> dict[str, tuple[str, ...]]:
         """In the words of the command line; what is not narrowed is not in it."""
@@ -70,7 +77,7 @@ class Checklist:
     notes: tuple[str, ...] = ()
     """What holds at the site, whatever is found."""
     beyond: tuple[str, ...] = ()
-    """Items that the scope takes away, by id, and those of the other list: before, or after the vehicles are back."""
+    """Items that the scope takes away, by id, and those of the other lists."""
     signers: tuple[str, ...] = ()
     """Names of those who alone may sign it; empty: anybody."""
 
@@ -79,9 +86,10 @@ def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Che
     """Work out the list. Raises NothingMatched for words that name nothing, and where nothing is left."""
     scope = scope or Scope()
     _refuse_unknown(declaration, site, scope)
-    whole = tuple(_every_row(declaration, site, scope.mission))
-    every = [entry for row in whole for entry in _entries(declaration, site, row, scope.mission)]
-    entries = [entry for entry in every if (entry.item.phase is Phase.RECOVERY) is scope.recovery]
+    robots = RobotFiles.read(declaration, site)
+    whole = tuple(_every_row(declaration, site, scope.mission, robots))
+    every = [entry for row in whole for entry in _entries(declaration, site, row, scope.mission, robots)]
+    entries = [entry for entry in every if scope.has(entry.item)]
     chosen = tuple(entry for entry in entries if _inside(entry, scope))
     if not chosen:
         raise _nothing(site, scope)
@@ -89,14 +97,14 @@ def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Che
     return Checklist(
         site=site,
         title=declaration.sites[site].title,
-        columns=() if scope.recovery else tuple(map(str, Column)),
+        columns=() if scope.alone else tuple(map(str, Column)),
         rows=tuple(_rows(whole, entries, scope)),
         entries=chosen,
         left_out=tuple(_left_out(entries, scope)),
         scope=scope,
         notes=(
             *_notes_of_guests(declaration, whole),
-            *(() if scope.recovery else _notes(declaration, site)),
+            *(() if scope.alone else (*_notes(declaration, site), *_notes_of_robots(whole))),
             *_notes_of_items(declaration, site, scope, every),
         ),
         beyond=tuple(entry.item.id for entry in every if entry.item.id not in items),
@@ -120,9 +128,21 @@ def _refuse_unknown(declaration: Declaration, site: str, scope: Scope) -> None:
     missions = [mission.name for mission in declaration.sites[site].checklist.missions]
     if scope.mission and scope.mission not in missions:
         raise _unknown("mission", scope.mission, missions)
-    if scope.recovery and len(scope.phases) > 1:
+    _refuse_mixed(declaration, site, scope)
+
+
+def _refuse_mixed(declaration: Declaration, site: str, scope: Scope) -> None:
+    """A list by itself has no other phases, and a record of integration one robot."""
+    here = declaration.sites[site].checklist.vehicles
+    if scope.alone is Phase.INTEGRATION and len(scope.vehicles) != 1:
+        every = scope.vehicles or [key for key in declaration.vehicles if here is None or key in here] or ["NAME"]
+        hint = f"name it: `provision check site={site} vehicle={every[0]} phase=integration`"
+        raise UsageError("an integration record is of one robot", hint=hint)
+    if scope.alone and len(scope.phases) > 1:
         hint = f"`provision check site={site} phase=recovery` alone, when the vehicles are back"
-        raise UsageError("the items of recovery are a checklist of their own", hint=hint)
+        if scope.alone is Phase.INTEGRATION:
+            hint = f"`provision check site={site} vehicle={scope.vehicles[0]} phase=integration` alone"
+        raise UsageError(f"the items of {scope.alone} are a checklist of their own", hint=hint)
 
 
 def _unknown(what: str, word: str, known: Iterable[str]) -> NothingMatched:
@@ -133,7 +153,10 @@ def _unknown(what: str, word: str, known: Iterable[str]) -> NothingMatched:
 
 
 def _nothing(site: str, scope: Scope) -> NothingMatched:
-    if scope.recovery:
+    if scope.alone is Phase.INTEGRATION:
+        hint = f"put its file into robots/{scope.vehicles[0]}.yml of the inventory: docs/robots.md says how"
+        return NothingMatched(f"`{scope.vehicles[0]}` has no robot's file, and so no integration record", hint=hint)
+    if scope.alone:
         hint = "declare them below `checklist: items:` with `phase: recovery` (docs/check.md)"
         return NothingMatched(f"no such item of recovery is declared at {site}", hint=hint)
     hint = f"leave out a word: `provision check site={site}` lists all"
@@ -141,22 +164,24 @@ def _nothing(site: str, scope: Scope) -> NothingMatched:
 
 
 def _rows(every: Iterable[Row], entries: Sequence[PlanEntry], scope: Scope) -> Iterator[Row]:
-    """The rows of a list; that of recovery has those with an item in it, and nothing of Table 3."""
-    with_items = {entry.cell.row for entry in entries if entry.item.endpoint == ITEMS}
+    """The rows of a list; one that is a list by itself has those with an item in it, and nothing of Table 3."""
+    cells = {(entry.cell.row, entry.item.endpoint) for entry in entries}
     for row in every:
-        if scope.recovery and row.key in with_items:
-            yield row.model_copy(update={"table3": (), "beside": (ITEMS,), "deviation": None})
-        elif not scope.recovery:
-            beside = tuple(name for name in row.beside if name != ITEMS or row.key in with_items)
+        beside = tuple(name for name in row.beside if (row.key, name) in cells)
+        if not scope.alone:
             yield row.model_copy(update={"beside": beside})
+        elif beside:
+            yield row.model_copy(update={"table3": (), "beside": beside, "deviation": None})
 
 
-def _every_row(declaration: Declaration, site: str, mission: str) -> Iterator[Row]:
+def _every_row(declaration: Declaration, site: str, mission: str, robots: RobotFiles | None) -> Iterator[Row]:
     here = declaration.sites[site].checklist.vehicles
     for key, vehicle in declaration.vehicles.items():
         if here is None or key in here:
             cells = tuple(str(column) for column in Column if column in vehicle.table3)
-            others = (*((ETHERNET,) if vehicle.ethernet else ()), *_items(declaration, site, key, mission))
+            published = (ROBOT, INTEGRATION) if robots is not None and key in robots.tested else ()
+            cable = (ETHERNET,) if vehicle.ethernet else ()
+            others = (*cable, *published, *_items(declaration, site, key, mission))
             yield Row(
                 key=key,
                 name=vehicle.name,
@@ -172,7 +197,7 @@ def _every_row(declaration: Declaration, site: str, mission: str) -> Iterator[Ro
     if declared.location.ethernet:
         carried.add(ETHERNET)
     beside = [name for name in (*map(str, Column), ETHERNET) if name in carried and name not in marked]
-    beside += [SITE, *_items(declaration, site, None, mission)]
+    beside += [SITE, *((ROBOT,) if robots is not None else ()), *_items(declaration, site, None, mission)]
     yield Row(key=site, name=declared.title, kind="location", table3=tuple(marked), beside=tuple(beside))
 
 
@@ -181,10 +206,12 @@ def _items(declaration: Declaration, site: str, vehicle: str | None, mission: st
     return (ITEMS,) if any(True for _ in items_of(Cell(declaration, site, vehicle, ITEMS, mission))) else ()
 
 
-def _entries(declaration: Declaration, site: str, row: Row, mission: str) -> Iterator[PlanEntry]:
+def _entries(
+    declaration: Declaration, site: str, row: Row, mission: str, robots: RobotFiles | None
+) -> Iterator[PlanEntry]:
     vehicle = None if row.kind == "location" else row.key
     for endpoint in (*row.table3, *row.beside):
-        cell = Cell(declaration, site, vehicle, endpoint, mission)
+        cell = Cell(declaration, site, vehicle, endpoint, mission, robots)
         # A column that has nothing to say still has its line: somebody looks.
         for step in steps_of(cell) or (by_a_person(cell),):
             yield PlanEntry(_item(cell, step, table3=endpoint in row.table3), step, cell)
@@ -250,6 +277,13 @@ def _notes(declaration: Declaration, site: str) -> Iterator[str]:
         )
 
 
+def _notes_of_robots(rows: Iterable[Row]) -> Iterator[str]:
+    """Name the robots of which nobody knows what they should publish."""
+    names = [row.name for row in rows if row.kind != "location" and ROBOT not in row.beside]
+    if names:
+        yield f"not looked at, for there is no file of theirs below robots/: what {', '.join(names)} publish"
+
+
 def _notes_of_guests(declaration: Declaration, rows: Iterable[Row]) -> Iterator[str]:
     """Name the rows that the report does not have."""
     for row in rows:
@@ -263,11 +297,7 @@ def _notes_of_guests(declaration: Declaration, rows: Iterable[Row]) -> Iterator[
 def _notes_of_items(declaration: Declaration, site: str, scope: Scope, every: Iterable[PlanEntry]) -> Iterator[str]:
     """Say which mission it is for, what is left to another one, and what is asked when the vehicles are back."""
     missions = declaration.sites[site].checklist.missions
-    other = [
-        mission.name
-        for mission in missions
-        if any((item.phase is Phase.RECOVERY) is scope.recovery for item in mission.items)
-    ]
+    other = [mission.name for mission in missions if any(scope.has(item) for item in mission.items)]
     chosen = next((mission for mission in missions if mission.name == scope.mission), None)
     if chosen is not None:
         yield f"with the items of the mission {chosen.name}: {chosen.title}"
@@ -275,7 +305,7 @@ def _notes_of_items(declaration: Declaration, site: str, scope: Scope, every: It
         yield f"no mission was named; with `mission=NAME` its items are asked too: {', '.join(other)}"
     later = [entry for entry in every if entry.item.phase is Phase.RECOVERY]
     later = [entry for entry in later if not scope.vehicles or entry.item.vehicle in scope.vehicles]
-    if later and not scope.recovery:
+    if later and not scope.alone:
         words = "1 item of recovery is" if len(later) == 1 else f"{len(later)} items of recovery are"
         vehicles = f" vehicle={','.join(scope.vehicles)}" if scope.vehicles else ""
         mission = f"{vehicles} mission={scope.mission}" if scope.mission else vehicles
@@ -370,7 +400,9 @@ class _Drawn:
         """The site's own items that speak of no host in particular."""
         names = {host.name for host in (*self._hosts, self._server)}
         local = [
-            entry for entry in self._entries if entry.item.vehicle is None and entry.item.endpoint in {SITE, ITEMS}
+            entry
+            for entry in self._entries
+            if entry.item.vehicle is None and entry.item.endpoint in {SITE, ROBOT, ITEMS}
         ]
         return tuple(entry.item.id for entry in local if names.isdisjoint(entry.step.concerns))
 
@@ -430,7 +462,7 @@ class _Drawn:
 
     def _seen(self) -> Iterator[DrawnLink]:
         for row in self._robots():
-            for endpoint in (name for name in (*row.table3, *row.beside) if name != ITEMS):
+            for endpoint in (name for name in (*row.table3, *row.beside) if name not in {ROBOT, INTEGRATION, ITEMS}):
                 items = tuple(
                     entry.item.id
                     for entry in self._entries

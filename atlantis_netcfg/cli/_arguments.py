@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.cli._inventory_names import Values, folder_of, kind_of, names
 from atlantis_netcfg.core.errors import UsageError, nearest
 
 if TYPE_CHECKING:
@@ -36,17 +37,6 @@ class Group(Enum):
     VPN = "VPN and partners"
     IMAGE = "Gateway image and bundle"
     LAPTOP = "The declaration and this laptop"
-
-
-class Values(Enum):
-    """What the values of a word are, where the inventory or this laptop knows them: completion and hints offer them."""
-
-    SITE = "sites"
-    HOST = "hosts"
-    VEHICLE = "vehicles"
-    PARTNER = "partners"
-    RUN = "runs"
-    RUN_OR_LATEST = "runs, or `latest`"
 
 
 _VALUES = {
@@ -360,8 +350,6 @@ class _WordReader:
 
     def _named(self, argument: str, flag: str | None) -> str | None:
         """The word that takes this name of the inventory, or nearly a site's: `site=coastal` for `coastal`."""
-        from atlantis_netcfg.cli.shell._inventory_names import folder_of, kind_of, names
-
         folder = folder_of(self._typed)
         known = kind_of(folder, argument)
         if known is None and flag is None and (near := nearest(argument, names(folder, Values.SITE))) is not None:

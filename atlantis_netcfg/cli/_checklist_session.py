@@ -1,13 +1,4 @@
-"""One run of `provision check`: from the words to a book, through people and probes, to the report.
-
-How a sitting ends: a signature or none, the pages, and what is told.
-
-Select what probes run against: the real site, or a rehearsal of it in which faults may be injected.
-
-The book of a sitting: where it lies, and what stands at its head.
-
-The checklists that are kept on this computer, for the commands that tell of them.
-"""
+"""One run of `provision check`: open the book of a real site or of a rehearsal, probe, ask, sign, report."""
 
 from __future__ import annotations
 
@@ -115,10 +106,12 @@ def not_rehearsed(opened: CommandSession, entries: Sequence[PlanEntry]) -> tuple
     """What the twins of these entries cannot stand for."""
     if opened.rehearsal is None:
         return ()
+    from atlantis_netcfg.checklist.runner.simulated import robots
     from atlantis_netcfg.emulator import acoustic, gnss, linux, mavlink
 
     requested = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
     values = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
+    values |= {"robot": robots, "integration": robots}
     beside = [line for endpoint, twin in values.items() if endpoint in requested for line in twin.NOT_REHEARSED]
     return tuple(dict.fromkeys([*beside, *linux.NOT_REHEARSED, *opened.rehearsal.not_rehearsed]))
 

@@ -75,6 +75,7 @@ _READY: Mapping[Phase, str] = {
     Phase.QUAY: "Is everything at the quay and switched on?",
     Phase.WATER: "Is everything in the water and switched on?",
     Phase.RECOVERY: "Is everything back?",
+    Phase.INTEGRATION: "Is the robot switched on, and its interface started?",
 }
 
 
@@ -391,6 +392,7 @@ _PHASES: Mapping[Phase, str] = {
     Phase.QUAY: "QUAY",
     Phase.WATER: "IN WATER",
     Phase.RECOVERY: "RECOVERY",
+    Phase.INTEGRATION: "INTEGRATION",
 }
 T = TypeVar("T")
 LATER, BACK = "later", "back"

@@ -1,13 +1,4 @@
-"""Commands of the pre-test checklist: `check`, `report list`, `report show`, `report verify`.
-
-`provision check`: the pre-test checklist of a site, probed, confirmed by people, signed, reported.
-
-`provision report list`: the history of a site's checklists, and what has changed since all was green.
-
-`provision report show`: a kept checklist again, and where its pages are.
-
-`provision report verify`: whether what was signed is still what was signed.
-"""
+"""Commands of the pre-test checklist: `check`, `report list`, `report show`, `report verify`."""
 
 from __future__ import annotations
 
@@ -47,15 +38,18 @@ CHECK = CommandSpec(
         Word("vehicle", "only these vehicles", many=True, example="sparus"),
         Word(
             "endpoint",
-            "only these columns of Table 3, the Ethernet beside it, the site's own checks, or the declared items",
+            "only these columns of Table 3, the Ethernet beside it, the site's own checks, robots, or declared items",
             many=True,
-            choices=("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps", "ethernet", "site", "items"),
+            choices=(
+                *("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps"),
+                *("ethernet", "site", "robot", "integration", "items"),
+            ),
         ),
         Word(
             "phase",
-            "only what is due there; recovery, when the vehicles are back, is a list of its own",
+            "only what is due there; recovery and integration (of one vehicle) are lists of their own",
             many=True,
-            choices=("bench", "quay", "in-water", "recovery"),
+            choices=("bench", "quay", "in-water", "recovery", "integration"),
         ),
         Word("mission", "with the items that the site declares for this mission", example="night"),
         Word("break", "rehearsal: break these things first, for training", many=True, example="rogue-dhcp"),

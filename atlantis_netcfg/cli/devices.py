@@ -1,15 +1,4 @@
-"""Commands that look at devices and care for them: `drift`, `backup`, `verify`, `restore`, `upgrade`.
-
-`provision drift`: what differs from the declaration, who owns it, and since when.
-
-`provision backup`: keep what the devices of a site say they are.
-
-`provision verify`: which assumptions about RouterOS or RutOS hold on a device.
-
-`provision restore`: put a confirmed state of a device on the one that stands in for it.
-
-`provision upgrade`: another RouterOS on one device, from files that a person gives.
-"""
+"""Commands that look at devices and care for them: `drift`, `backup`, `verify`, `restore`, `upgrade`."""
 
 from __future__ import annotations
 
@@ -29,9 +18,9 @@ from atlantis_netcfg.cli._arguments import (
     CommandSpec,
     Flag,
     Group,
-    Values,
     Word,
 )
+from atlantis_netcfg.cli._inventory_names import Values
 from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 

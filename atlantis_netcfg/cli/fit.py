@@ -5,8 +5,9 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
 from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.robot import ADDRESS
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -14,8 +15,12 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.printable import Row
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.fit import LinkFit, TopicFit, VehicleFit
     from atlantis_netcfg.operations.link_capacity import Capacity
+    from atlantis_netcfg.operations.measured_telemetry import MeasuredTelemetry, TelemetryChange
+
+_WRITE = Flag("write", "write what was heard into the inventory, as `telemetry:` of the vehicle")
 
 FIT = CommandSpec(
     "fit",
@@ -30,13 +35,16 @@ FIT = CommandSpec(
             "a measurement of the site, instead of the newest one of each link",
             example="satellite-20261126T022248Z",
         ),
+        Word("observed", "listen so long, and take what it is heard to publish, not `telemetry:`", example="30s"),
+        ADDRESS,
         INVENTORY,
     ),
-    flags=(JSON,),
+    flags=(_WRITE, JSON),
     details=(
-        "Nothing is contacted: it is reckoned from the declared topics, sizes and rates, and from what a link was "
-        "measured to carry, else from its declared rate. Exit code 0: as declared it fits every link that was asked "
-        "for, and each was measured; 6: it does not fit one, or that is not proved; 7: nothing is declared."
+        "It is reckoned from topics, sizes and rates, and from what a link was measured to carry, else from its "
+        "declared rate. Nothing is contacted without `observed=`, which listens as `robot discover` does, best in the "
+        "LAN of the site. Exit code 0: it fits every link that was asked for, and each was measured; 6: it does not "
+        "fit one, or that is not proved, or not all was heard; 7: nothing is declared."
     ),
 )
 _WIDTH = 80
@@ -54,9 +62,10 @@ def run_fit(arguments: Arguments) -> ExitCode:
 
     named = arguments.optional("inventory")
     declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    telemetry, change = _listen(arguments, declaration)
     state = paths.state_dir()
     found = vehicle_fit(
-        declaration,
+        declaration if telemetry is None else telemetry.of(declaration),
         [Store(state), Store(state, rehearsed=True)],
         arguments.word("site"),
         arguments.word("vehicle"),
@@ -64,11 +73,57 @@ def run_fit(arguments: Arguments) -> ExitCode:
         link=arguments.optional("link"),
         run=arguments.optional("run"),
     )
+    written = arguments.flag("write")
     if arguments.flag("json"):
-        print(json_text(found.as_json()))
+        more = {} if telemetry is None or change is None else _as_json(telemetry, change, written=written)
+        print(json_text({**found.as_json(), **more}))
     else:
         printable.show(rows(found), sys.stdout)
+        if telemetry is not None and change is not None:
+            printable.show(_change_rows(telemetry, change, written=written), sys.stdout)
     return found.exit
+
+
+def _listen(
+    arguments: Arguments, declaration: Declaration
+) -> tuple[MeasuredTelemetry, TelemetryChange] | tuple[None, None]:
+    """Listen where that was asked for, and write what was heard where that was. Raises UsageError."""
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.journal import utc_now
+    from atlantis_netcfg.operations import measured_telemetry, robots
+    from atlantis_netcfg.operations.fit import require_vehicle
+
+    span, address = arguments.optional("observed"), arguments.optional("address")
+    if span is None:
+        if arguments.flag("write") or address is not None:
+            word = "--write" if arguments.flag("write") else "address="
+            raise UsageError(f"`{word}` is for what is heard", hint="add how long to listen: `observed=30s`")
+        return None, None
+    site, vehicle = arguments.word("site"), arguments.word("vehicle")
+    require_vehicle(declaration, site, vehicle)
+    telemetry = measured_telemetry.measure(declaration, site, vehicle, robots.seconds_of(span), address)
+    change = measured_telemetry.change(declaration, telemetry, utc_now().date())
+    if arguments.flag("write"):
+        measured_telemetry.write(declaration, telemetry, change)
+    return telemetry, change
+
+
+def _change_rows(telemetry: MeasuredTelemetry, change: TelemetryChange, *, written: bool) -> Iterator[Row]:
+    yield ""
+    for finding in telemetry.findings:
+        yield from _message(f"{finding.verdict.value}: {translate(finding.message)}", 0)
+    if telemetry.others:
+        yield from _message(f"not counted, for its configuration does not name them: {', '.join(telemetry.others)}", 0)
+    if not change.difference:
+        yield translate(f"{change.file} says the same already")
+        return
+    yield translate(f"{change.file} was written:" if written else f"{change.file}, with `--write`:")
+    yield from (f"  {line}" for line in change.difference)
+
+
+def _as_json(telemetry: MeasuredTelemetry, change: TelemetryChange, *, written: bool) -> dict[str, object]:
+    file = change.file if written and change.difference else None
+    return {"observed": telemetry.as_dict(), "difference": change.difference, "written": file}
 
 
 def rows(found: VehicleFit) -> Iterator[Row]:
@@ -101,7 +156,7 @@ def _link(link: LinkFit) -> Iterator[Row]:
         yield _topic(topic)
     up, down = link.capacity.pace.up_bps, link.capacity.down_bps
     yield from _message(
-        f"as declared, with what the site sends by itself: {link.up_bps / up:.0%} of the capacity up, "
+        f"at these rates, with what the site sends by itself: {link.up_bps / up:.0%} of the capacity up, "
         f"{link.down_bps / down:.0%} down"
     )
     yield from _money(link, thinned=False)

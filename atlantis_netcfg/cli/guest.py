@@ -81,7 +81,7 @@ def run_guest_add(arguments: Arguments) -> ExitCode:
 
 def _add(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common, members
-    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations import guests, inventory_files
     from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
     from atlantis_netcfg.operations.vpn.recipients import recipients_of
     from atlantis_netcfg.operations.vpn.requests import request_of
@@ -106,7 +106,7 @@ def _add(arguments: Arguments) -> ExitCode:
         with _declared_until_issued(before, entry.name, authority, text):
             handed = onboarding.issue([request], passphrase)
     elif text is not None:
-        guests.write(before.root, text)
+        inventory_files.write(before.root, guests.FILE, text)
     _say(arguments, _lines_of_add(entry, already=text is None))
     more = {"guest": entry.name, "declared": guests.FILE, "until": entry.until, "sites": list(entry.sites)}
     return members.close(arguments, declaration, handed, server, authority, more=more)
@@ -155,13 +155,13 @@ def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, 
     Raises UsageError for another vehicle or guest of that name, InventoryInvalid for what does not fit the pilot.
     """
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations import guests, inventory_files
 
     there = guests.declared_guest(before, entry.name)
     if there is None:
         _refuse_unknown(before, entry)
         text = guests.with_guest(guests.text_of(before.root), entry)
-        return text, guests.validated(before.root, text)
+        return text, inventory_files.validated(before.root, guests.FILE, text)
     if not entry.same(there):
         hint = f"`provision guest end name={entry.name}` takes it away; or correct {guests.FILE}"
         raise UsageError(f"the guest `{entry.name}` is declared already, and otherwise", hint=hint)
@@ -202,16 +202,16 @@ def _device(arguments: Arguments, entry: GuestEntry) -> DeviceWords:
 @contextmanager
 def _declared_until_issued(before: Declaration, name: str, authority: Authority, text: str | None) -> Iterator[None]:
     """Declare the guest, and take that back where nothing was issued for it: a wrong passphrase leaves nothing."""
-    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations import guests, inventory_files
 
     old = guests.text_of(before.root)
     if text is not None:
-        guests.write(before.root, text)
+        inventory_files.write(before.root, guests.FILE, text)
     try:
         yield
     except BaseException:
         if text is not None and not any(member.good for member in guests.members_of(authority, name)):
-            guests.write(before.root, old)
+            inventory_files.write(before.root, guests.FILE, old)
         raise
 
 
@@ -283,7 +283,7 @@ def run_guest_end(arguments: Arguments) -> ExitCode:
 def _end(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.atomic_files import remove_orphans
-    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations import guests, inventory_files
     from atlantis_netcfg.operations.vpn.members import reason_of
     from atlantis_netcfg.operations.vpn.server import Deployed
 
@@ -296,7 +296,7 @@ def _end(arguments: Arguments) -> ExitCode:
     if guest is None and not known:
         raise guests.unknown(before, name)
     text = guests.without_guest(guests.text_of(before.root) or "", name) if guest is not None else None
-    after = guests.validated(before.root, text) if guest is not None else before
+    after = inventory_files.validated(before.root, guests.FILE, text) if guest is not None else before
     due = _to_revoke(authority, known)
     steps = [f"put {member.name} out of the VPN, for good" for member in due]
     steps += [f"take {name} out of {guests.FILE}"] if guest is not None else []
@@ -308,7 +308,7 @@ def _end(arguments: Arguments) -> ExitCode:
         _agree(arguments, name, steps)
     deployed = _put_out(arguments, after, authority, due, reason) if due else Deployed()
     if guest is not None:
-        guests.write(before.root, text)
+        inventory_files.write(before.root, guests.FILE, text)
     robot.unlink(missing_ok=True)
     guests.remove_handouts(authority, known)
     left = guests.left_over(before.root, authority, name)

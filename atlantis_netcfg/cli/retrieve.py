@@ -15,9 +15,9 @@ from atlantis_netcfg.cli._arguments import (
     CommandSpec,
     Flag,
     Group,
-    Values,
     Word,
 )
+from atlantis_netcfg.cli._inventory_names import Values
 from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 

@@ -11,6 +11,7 @@ from atlantis_netcfg.cli._arguments import (
     JSON,
     Arguments,
     CommandSpec,
+    Flag,
     Group,
     Word,
 )
@@ -24,8 +25,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Finding
     from atlantis_netcfg.declaration.robots.key_names import KeyNames
     from atlantis_netcfg.declaration.robots.reading import RobotSource
+    from atlantis_netcfg.operations.robots import MockPlace
     from atlantis_netcfg.robots.mock import MockRobot
     from atlantis_netcfg.robots.observation import Observation, RobotReport
+    from atlantis_netcfg.robots.recording import BagRecorder
+    from atlantis_netcfg.robots.replay import Bag, BagPlayer
 
 ROBOT_VALIDATE = CommandSpec(
     "robot validate",
@@ -129,7 +133,7 @@ def _lines(source: RobotSource) -> Iterator[str]:
     yield translate(f"      until it is registered, its configuration is {size(source.size * _DAY_S)} a day, at 1 Hz")
 
 
-_ADDRESS = Word("address", "this computer's address in the robots' network, where it is not found by itself")
+ADDRESS = Word("address", "this computer's address in the robots' network, where it is not found by itself")
 
 ROBOT_DISCOVER = CommandSpec(
     "robot discover",
@@ -143,15 +147,17 @@ ROBOT_DISCOVER = CommandSpec(
             "the gateway or control centre that listens, over SSH; this computer if left out",
             example="scc-control",
         ),
-        _ADDRESS,
+        ADDRESS,
+        Word("record", "write all messages into this new folder, as a bag of rosbag2", example="bags/quay"),
         Word("save", "write the file of this robot as it was heard, once its vehicle is declared", example="lauv"),
         INVENTORY,
     ),
     flags=(JSON, ACCEPT_COST, ASK_VAULT_PASS),
     details=(
         "From this computer, without ROS; nothing is sent but announcements of DDS, about 0.3 MB a minute. Topics of "
-        "ROS 2 alone are heard, in the domain of the pilot. Exit code 0: every robot that is tested there was heard "
-        "and is as it says; 6: one was not, a stranger was heard, or nothing at all."
+        "ROS 2 alone are heard, in the domain of the pilot. A recording holds the robots' tokens: its folder is for "
+        "you alone. It ends at 1 GB. Exit code 0: every robot that is tested there was heard and is as it says; 6: one "
+        "was not, a stranger was heard, or nothing at all, or the recording ended early."
     ),
 )
 
@@ -167,20 +173,44 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     namespace, vault = arguments.optional("save"), vault_of(arguments)
     if namespace is not None:
         _ = vault.secrets  # whoever has no password is told before half a minute is over
-    observation, reports = _listen(arguments, declaration, site, seconds)
+    record = _record(arguments, declaration)
+    try:
+        observation, reports = _listen(arguments, declaration, site, seconds, record)
+    except KeyboardInterrupt:
+        if not arguments.flag("json"):
+            _tell_recording(record)
+        raise
     code = robots.ending(reports, observation)
+    if record is not None and record.reason:
+        code = ExitCode.CHECKS_FAILED
     if not arguments.flag("json"):
-        _tell_heard(observation, reports, robots.dds_of(declaration).domain)
+        _tell_reports(reports, observation, robots.dds_of(declaration).domain)
+        _tell_recording(record)
     saved = robots.save(declaration, namespace, observation, vault.encrypt) if namespace is not None else None
     if arguments.flag("json"):
-        more = {"saved": None if saved is None else str(saved)}
+        more: dict[str, object] = {"saved": None if saved is None else str(saved)}
+        if record is not None:
+            more["recording"] = record.as_dict()
         print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports), **more}))
     elif saved is not None:
         print(translate(f"{saved} was written, its token encrypted: look at it before you keep it"))
     return code
 
 
-def _tell_heard(observation: Observation, reports: Sequence[RobotReport], number: int) -> None:
+def _record(arguments: Arguments, declaration: Declaration) -> BagRecorder | None:
+    """What writes the recording that was asked for. Raises UsageError."""
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.operations import robots
+
+    folder = arguments.optional("record")
+    if folder is None:
+        return None
+    if arguments.optional("from") is not None:
+        raise UsageError("`record=` is of this computer, and `from=` names another", hint="leave one of them out")
+    return robots.recorder(declaration, folder)
+
+
+def _tell_reports(reports: Sequence[RobotReport], observation: Observation, number: int) -> None:
     for report in reports:
         for line in _report_lines(report):
             print(line)
@@ -192,8 +222,22 @@ def _tell_heard(observation: Observation, reports: Sequence[RobotReport], number
         print(translate("silence proves nothing: is a robot on, in this network, and in this domain?"))
 
 
+def _tell_recording(record: BagRecorder | None) -> None:
+    from atlantis_netcfg.bearers.cost import size
+    from atlantis_netcfg.declaration.loading import shown_path
+
+    if record is None:
+        return
+    if not record.messages:
+        print(translate("nothing was recorded, for no message of a known type came"))
+        return
+    print(translate(f"recorded in {shown_path(record.folder)}: {record.messages} messages, {size(record.octets)}"))
+    if record.reason:
+        print(translate(f"the recording ended early: {record.reason}"))
+
+
 def _listen(
-    arguments: Arguments, declaration: Declaration, site: str, seconds: int
+    arguments: Arguments, declaration: Declaration, site: str, seconds: int, record: BagRecorder | None
 ) -> tuple[Observation, list[RobotReport]]:
     """Listen here, or at the computer of `from=`. Raises UsageError, ListeningFailed."""
     from atlantis_netcfg.core.errors import UsageError
@@ -204,7 +248,7 @@ def _listen(
     address, place = arguments.optional("address"), arguments.optional("from")
     if place is None:
         _pay(arguments, declaration, site, seconds, lambda: robots.listening_address(declaration, site, address))
-        return robots.discover(declaration, site, seconds, address)
+        return robots.discover(declaration, site, seconds, address, record)
     if address is not None:
         raise UsageError("`address=` is one of this computer, and `from=` names another", hint="leave one of them out")
     if place not in declaration.hosts:
@@ -281,26 +325,37 @@ def _heard_as_json(observation: Observation, reports: Sequence[RobotReport]) -> 
     }
 
 
+_LOOP = Flag("loop", "begin the recording again when it is over")
+
 ROBOT_MOCK = CommandSpec(
     "robot mock",
-    "be a robot: publish its configuration and its topics, so that a control centre can be tried without a boat",
+    "be a robot: publish its topics and answer its commands and plans, or a recording, to test a control centre",
     group=Group.LINKS,
     words=(
         Word("vehicle", "only these robots; all that the declaration has if left out", many=True, example="sparus"),
         Word("site", "for the listeners of this site; on this computer alone if left out", example="coastal"),
         Word("for", "how long, from 5 seconds to an hour; else until Ctrl-C", example="5m"),
-        _ADDRESS,
+        Word(
+            "bag", "publish this recording with its timing: a folder of rosbag2, stored as sqlite3", example="bags/quay"
+        ),
+        ADDRESS,
         INVENTORY,
     ),
+    flags=(_LOOP,),
     details=(
         "From this computer, without ROS, by the names and types of ROS 2. Its position is a circle off Viana do "
-        "Castelo. Commands and plans are not answered yet. The tokens of the robots' files are published: use examples."
+        "Castelo, whatever it is commanded, and its booleans are false. A command takes 3 seconds, each step of a plan "
+        "one; the status that it reports is 0, for its values are unknown. Who sends commands and plans needs "
+        "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; topics are read by every ROS 2. The tokens of the robots' files are "
+        "published: use examples. Of a recording everything is published whose type is known, also what a robot would "
+        "obey: with `site=` only where no robot is. Its stamps stay, so that `robot discover` calls them stale."
     ),
 )
 
 
 def run_robot_mock(arguments: Arguments) -> ExitCode:
-    """Publish until the time is over."""
+    """Publish and answer until the time is over."""
+    from collections import Counter
     from contextlib import suppress
 
     from atlantis_netcfg.core.errors import UsageError
@@ -315,20 +370,74 @@ def run_robot_mock(arguments: Arguments) -> ExitCode:
             hint = meant(vehicle, declaration.vehicles, none="")
             raise UsageError(f"no vehicle is called `{vehicle}`", hint=hint)
     span = arguments.optional("for")
-    place = robots.mock_place(declaration, site, arguments.optional("address"))
+    seconds = robots.seconds_of(span) if span else None
+    place, bag = robots.mock_place(declaration, site, arguments.optional("address")), arguments.optional("bag")
+    if bag is not None:
+        return _replay(arguments, declaration, bag, place, seconds)
+    if arguments.flag("loop"):
+        raise UsageError("`--loop` is for a recording", hint="add it: `bag=FOLDER`")
     robots_here: list[MockRobot] = []
 
-    def tell(mocks: Sequence[MockRobot]) -> None:
-        robots_here.extend(mocks)
-        names = ", ".join(each.robot.name for each in mocks)
-        print(translate(f"at {place.address}, in domain {robots.dds_of(declaration).domain}: {names}"))
-        print(translate("Ctrl-C ends it"), flush=True)
+    def watch(mocks: Sequence[MockRobot]) -> None:
+        if not robots_here:
+            robots_here.extend(mocks)
+            names = ", ".join(each.robot.name for each in mocks)
+            print(translate(f"at {place.address}, in domain {robots.dds_of(declaration).domain}: {names}"))
+            _tell_limits(mocks)
+        _tell_goals(mocks)
 
     with suppress(KeyboardInterrupt):
-        robots.mock(declaration, arguments.many("vehicle"), place, robots.seconds_of(span) if span else None, tell)
+        robots.mock(declaration, arguments.many("vehicle"), place, seconds, watch)
+    _tell_goals(robots_here)
     for each in robots_here:
+        counts = sum((action.counts for action in each.actions), Counter())
         print(translate(f"  {each.robot.name}: {sum(each.sent.values())} messages on {len(each.sent)} topics"))
+        accepted, refused, unreadable = (counts[word] for word in ("accepted", "refused", "unreadable"))
+        print(
+            translate(f"  {each.robot.name}: goals accepted {accepted}, refused {refused}, not understood {unreadable}")
+        )
     return ExitCode.DONE if robots_here else ExitCode.NOTHING
+
+
+def _tell_limits(mocks: Sequence[MockRobot]) -> None:
+    for line in (line for each in mocks for line in each.limits()):
+        print(f"  {translate(line)}")
+    print(translate("Ctrl-C ends it"), flush=True)
+
+
+def _tell_goals(mocks: Sequence[MockRobot]) -> None:
+    for action in (action for each in mocks for action in each.actions):
+        while action.notices:
+            print(f"  {action.name}: {translate(action.notices.popleft())}", flush=True)
+
+
+def _replay(
+    arguments: Arguments, declaration: Declaration, bag: str, place: MockPlace, seconds: float | None
+) -> ExitCode:
+    from contextlib import suppress
+
+    from atlantis_netcfg.core import printable
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.operations import robots
+
+    if arguments.many("vehicle"):
+        raise UsageError("a recording and `vehicle=` are two different robots", hint="leave one of them out")
+    players: list[BagPlayer] = []
+
+    def tell(contents: Bag, player: BagPlayer) -> None:
+        players.append(player)
+        names = ", ".join(sorted({*contents.robots.values()} - {""})) or translate("no robot introduces itself")
+        number = robots.dds_of(declaration).domain
+        print(printable.line(translate(f"at {place.address}, in domain {number}: {names}")))
+        print(translate(f"{len(contents.topics)} topics, {contents.seconds:.0f} s; Ctrl-C ends it"))
+        for topic, kind in contents.left_out.items():
+            print(printable.line(translate(f"left out: {topic}, whose type {kind} is not known here")), flush=True)
+
+    with suppress(KeyboardInterrupt):
+        robots.replay(declaration, bag, place, seconds, tell, loop=arguments.flag("loop"))
+    for player in players:
+        print(translate(f"  {player.sent.total()} messages on {len(player.sent)} topics"))
+    return ExitCode.DONE if players else ExitCode.NOTHING
 
 
 def _declaration(arguments: Arguments) -> Declaration:

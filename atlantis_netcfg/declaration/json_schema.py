@@ -17,7 +17,7 @@ from pydantic import BaseModel, TypeAdapter
 
 from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration._hosts import KIND_GROUPS
-from atlantis_netcfg.declaration.argument_specs import meaning, sentence
+from atlantis_netcfg.declaration.field_docs import meaning, sentence
 from atlantis_netcfg.declaration.model import Guest, Name, Partner, Pilot, Site, Vehicle
 from atlantis_netcfg.declaration.model.robot import RobotFile
 from atlantis_netcfg.declaration.robots.key_names import KEY, key_paths

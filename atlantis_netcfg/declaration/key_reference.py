@@ -18,7 +18,7 @@ from pydantic import BaseModel, BeforeValidator
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration._yaml import Node, parse
-from atlantis_netcfg.declaration.argument_specs import meaning, sentence
+from atlantis_netcfg.declaration.field_docs import meaning, sentence
 from atlantis_netcfg.declaration.model import Guest, Partner, Pilot, Site, Vehicle
 from atlantis_netcfg.declaration.model.robot import RobotFile
 

@@ -168,7 +168,7 @@ class LinkFit:
         """Why this verdict."""
         if self.fits:
             return self.capacity.doubt or f"measured, {self.capacity.run}"
-        return f"more than {USABLE:.0%} of the capacity would be used, as declared"
+        return f"more than {USABLE:.0%} of the capacity would be used at these rates"
 
     def costs(self, seconds: int, *, thinned: bool = False) -> Bill:
         """What goes over it in so many seconds, both ways, with what the site says by itself."""
@@ -320,7 +320,8 @@ def fits_nowhere(declaration: Declaration, now: datetime) -> Iterator[Finding]:
                     yield Finding.at(declaration.places[name, site.bearers[0].name], message, hint)
 
 
-def _telemetry(declaration: Declaration, site: str, vehicle: str) -> tuple[TelemetryTopic, ...]:
+def require_vehicle(declaration: Declaration, site: str, vehicle: str) -> None:
+    """Raises UsageError and NothingMatched, with what exists."""
     if site == ALL:
         raise UsageError("`provision fit` is about one site at a time", hint="type its name: `site=coastal`")
     choose(declaration, site)
@@ -328,6 +329,10 @@ def _telemetry(declaration: Declaration, site: str, vehicle: str) -> tuple[Telem
         near, listed = nearest(vehicle, declaration.vehicles), f"the vehicles are: {', '.join(declaration.vehicles)}"
         hint = f"did you mean `{near}`? {listed}" if near else listed
         raise NothingMatched(f"there is no vehicle `{vehicle}`", hint=hint)
+
+
+def _telemetry(declaration: Declaration, site: str, vehicle: str) -> tuple[TelemetryTopic, ...]:
+    require_vehicle(declaration, site, vehicle)
     topics = declaration.vehicles[vehicle].telemetry
     if not topics:
         raise NothingMatched(

@@ -1,23 +1,21 @@
 """Guests: the entry of a robot that is here for a while, written to and taken out of `group_vars/all/guests.yml`.
 
-That file is the only one of the declaration that is written; whatever else stands in it, comments too, stays. What
-would be written is validated with the whole pilot first, in a copy, and then takes its place at once.
+Whatever else stands in that file, comments too, stays; `operations.inventory_files` validates and writes it.
 """
 
 from __future__ import annotations
 
 import re
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, UsageError, nearest
-from atlantis_netcfg.declaration import Declaration, InventoryInvalid, load
+from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import ETHERNET, Column, Guest
 from atlantis_netcfg.declaration.new_inventory.yaml_text import document
 from atlantis_netcfg.declaration.robots.reading import FOLDER
-from atlantis_netcfg.journal import os_errors_as, sync_directory, write_atomically
+from atlantis_netcfg.journal import os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,7 +31,6 @@ _HEAD = (
     "# Robots that are here for a while: `provision guest add` writes them, `provision guest end` takes them out.",
     "# You may give each `endpoints` and a `checklist`, as in vehicles.yml.",
 )
-_READABLE = 0o644
 
 
 class GuestLeftOver(NetcfgError):
@@ -109,37 +106,6 @@ def without_guest(text: str, name: str) -> str | None:
     last = next((number for number in range(first + 1, len(lines)) if re.match(r" {0,2}\S", lines[number])), len(lines))
     left = "".join([*lines[:first], *lines[last:]])
     return None if left == "\n".join([*_HEAD, "---", "guests:"]) + "\n" else left
-
-
-def validated(root: Path, text: str | None) -> Declaration:
-    """The pilot as it would be. Raises InventoryInvalid, with the user's own file names; nothing is written."""
-    with temporary.folder("guest") as place:
-        copy = place / root.name
-        shutil.copytree(root, copy)
-        _put(copy / FILE, text)
-        try:
-            return replace(load(copy), root=root)
-        except InventoryInvalid as error:
-            shown, real = copy.as_posix(), root.as_posix()
-            raise InventoryInvalid(
-                replace(found, file=found.file.replace(shown, real), message=found.message.replace(shown, real))
-                for found in error.findings
-            ) from None
-
-
-def write(root: Path, text: str | None) -> None:
-    """Put the file in its place at once, or remove it. Raises JournalFailed."""
-    with os_errors_as("the guests", root / FILE):
-        _put(root / FILE, text)
-
-
-def _put(path: Path, text: str | None) -> None:
-    if text is None:
-        path.unlink(missing_ok=True)
-        sync_directory(path.parent)
-        return
-    mode = path.stat().st_mode & 0o777 if path.exists() else _READABLE
-    write_atomically(path, text.encode(), mode=mode)
 
 
 def declared_guest(declaration: Declaration, name: str) -> Guest | None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
+import math
 import re
 import socket
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from datetime import datetime
 from ipaddress import IPv4Address
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 from zoneinfo import ZoneInfo
 
@@ -18,23 +22,31 @@ from atlantis_netcfg.declaration import InventoryInvalid
 from atlantis_netcfg.declaration.loading import shown_path
 from atlantis_netcfg.declaration.model import ControlCentre, Guest, ServerComputer
 from atlantis_netcfg.declaration.new_inventory.yaml_text import Vaulted, document
-from atlantis_netcfg.declaration.robots.reading import FOLDER, key_names, load_robots, read_published
+from atlantis_netcfg.declaration.robots.reading import (
+    FOLDER,
+    NO_ROBOT_CONTACTED,
+    key_names,
+    load_robots,
+    read_published,
+)
 from atlantis_netcfg.journal import os_errors_as, write_atomically
 from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
 from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile
 from atlantis_netcfg.robots.observation import RobotState, judge, vehicle_key
+from atlantis_netcfg.robots.recording import BagRecorder
+from atlantis_netcfg.robots.replay import BagPlayer, read_bag
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.declaration.model import Dds, Vehicle
     from atlantis_netcfg.declaration.robots.key_names import KeyNames
     from atlantis_netcfg.declaration.robots.reading import RobotSource
     from atlantis_netcfg.robots.observation import Observation, RobotReport
+    from atlantis_netcfg.robots.replay import Bag
 
 LOOPBACK: Final = "127.0.0.1"
 SHORTEST_S, LONGEST_S = 5, 3600
@@ -47,12 +59,12 @@ _POSITION: Final = (41.68, -8.83)
 
 
 def seconds_of(text: str) -> int:
-    """Return what `for=` says. Raises UsageError."""
+    """Return what `for=` and `observed=` say. Raises UsageError."""
     found = re.fullmatch(r"([0-9]{1,6})(s|m)?", text)
     seconds = int(found[1]) * (60 if found[2] == "m" else 1) if found else 0
     if not SHORTEST_S <= seconds <= LONGEST_S:
-        hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `for=30s`, `for=5m`"
-        raise UsageError(f"`for={text}` is no such time", hint=hint)
+        hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `30s`, `5m`"
+        raise UsageError(f"`{text}` is no such time", hint=hint)
     return seconds
 
 
@@ -133,16 +145,25 @@ def past_guests(declaration: Declaration) -> dict[str, str]:
     return {key: guest.until for key, guest in guests.items() if guest.until < today}
 
 
+def recorder(declaration: Declaration, folder: str) -> BagRecorder:
+    """What writes a bag into a new folder. Raises UsageError."""
+    return BagRecorder(Path(folder), MessageTypes(declaration.root / FOLDER / INTERFACES))
+
+
 def discover(
-    declaration: Declaration, site: str, seconds: float, address: str | None
+    declaration: Declaration, site: str, seconds: float, address: str | None, record: BagRecorder | None = None
 ) -> tuple[Observation, list[RobotReport]]:
     """Listen at a site, and compare what is heard with the robots' files. Raises UsageError."""
     _, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
     local = listening_address(declaration, site, address)
-    with domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number:
-        observation = RobotListener(number, types, names.configuration_topic, local).listen(seconds)
+    with (
+        domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number,
+        record or nullcontext(),
+    ):
+        keep = record.add if record is not None else None
+        observation = RobotListener(number, types, names.configuration_topic, local, keep).listen(seconds)
     return observation, compare(declaration, site, observation)
 
 
@@ -193,6 +214,16 @@ def save(declaration: Declaration, namespace: str, observation: Observation, enc
     return path
 
 
+async def hear(declaration: Declaration, site: str, seconds: float) -> Observation:
+    """Listen at a site, and let others work meanwhile. Raises UsageError."""
+    names, _ = key_names(declaration)
+    dds = dds_of(declaration)
+    local = listening_address(declaration, site, None)
+    types = await asyncio.to_thread(MessageTypes, declaration.root / FOLDER / INTERFACES)
+    with domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number:
+        return await RobotListener(number, types, names.configuration_topic, local).listen_beside_others(seconds)
+
+
 def ending(reports: Sequence[RobotReport], observation: Observation) -> ExitCode:
     """0: every robot that was expected was heard and is as declared; a stranger, and silence, are never that."""
     known = [report for report in reports if report.state is RobotState.DECLARED]
@@ -227,9 +258,12 @@ def mock(
     vehicles: Sequence[str],
     place: MockPlace,
     seconds: float | None,
-    tell: Callable[[Sequence[MockRobot]], None],
+    watch: Callable[[Sequence[MockRobot]], None],
 ) -> list[MockRobot]:
-    """Be these robots until the time is over; `tell` hears who they are when they begin. Raises UsageError."""
+    """Be these robots until the time is over; `watch` is called before each round, at least ten times a second.
+
+    Raises UsageError.
+    """
     sources, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
@@ -242,9 +276,38 @@ def mock(
             MockRobot(robot, text, *_POSITION, types, Publisher(number, types), names.configuration_topic)
             for robot, text in robots
         ]
-        tell(mocks)
-        until = None if seconds is None else time.monotonic() + seconds
-        while until is None or time.monotonic() < until:
-            next_s = min(each.step(time.monotonic()) for each in mocks)
-            time.sleep(min(0.1, max(0.0, next_s - time.monotonic())))
+        _publish(mocks, seconds, lambda: watch(mocks))
     return mocks
+
+
+def replay(  # noqa: PLR0913 - what a person types
+    declaration: Declaration,
+    bag: str,
+    place: MockPlace,
+    seconds: float | None,
+    tell: Callable[[Bag, BagPlayer], None],
+    *,
+    loop: bool,
+) -> None:
+    """Publish a bag until it or the time is over; `tell` hears what is in it when it begins. Raises UsageError."""
+    dds, (names, findings) = dds_of(declaration), key_names(declaration)
+    if findings:
+        raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
+    types = MessageTypes(declaration.root / FOLDER / INTERFACES)
+    with domain(dds.domain, profile(place.address, place.peers, max(_LISTENERS, dds.participants))) as number:
+        contents = read_bag(Path(bag), types, names)
+        player = BagPlayer(contents, types, number, names.configuration_topic, loop=loop)
+        tell(contents, player)
+        _publish([player], seconds)
+
+
+def _publish(
+    actors: Sequence[MockRobot | BagPlayer], seconds: float | None, watch: Callable[[], None] = lambda: None
+) -> None:
+    """Let them publish what is due until the time is over, or nobody has anything more to say."""
+    until = math.inf if seconds is None else time.monotonic() + seconds
+    next_s = 0.0
+    while time.monotonic() < until and next_s < math.inf:
+        watch()
+        next_s = min(each.step(time.monotonic()) for each in actors)
+        time.sleep(min(0.1, max(0.0, next_s - time.monotonic())))

@@ -40,6 +40,8 @@ _LOOK_S = 1.0
 _BASES = {"byte": "uint8", "char": "uint8", "octet": "uint8"}
 _PREFIX_BYTES = 12
 """Of an endpoint's identity: those of its participant (DDSI-RTPS 8.2.4)."""
+_SHORT = 1000
+"""Octets of a message whose length is told to the octet."""
 _BODY = 4
 """Where a message begins, after the four bytes that say how it is encoded."""
 _STAMP_END = 12
@@ -159,8 +161,8 @@ def ros_type_name(name: str) -> str | None:
 
 
 def topic_name(dds_name: str) -> str | None:
-    """The topic of ROS that a topic of DDS stands for; None: it is none (`rq/`, `rr/`, or another program's)."""
-    return dds_name[2:] if dds_name.startswith("rt/") else None
+    """The topic of ROS that a topic of DDS stands for; None: it is none (of a service, an action, another program)."""
+    return dds_name[2:] if dds_name.startswith("rt/") and "/_action/" not in dds_name else None
 
 
 def stamp_of(message: Any) -> Any:  # noqa: ANN401 - a message, and its `builtin_interfaces/Time`
@@ -186,12 +188,16 @@ class _HeardLog:
         self.unread: dict[str, str] = {}
         self._began = time.monotonic()
 
-    def add_writer(self, key: str, participant: str, topic: str, kind: str, *, reliable: bool) -> bool:
+    def add_writer(  # noqa: PLR0913 - what a publisher says of itself
+        self, key: str, participant: str, topic: str, kind: str, *, reliable: bool, transient_local: bool = False
+    ) -> bool:
         """Take a publisher in; False: it is known, or there are too many."""
         if key in self.writers or len(self.writers) >= _MOST_WRITERS:
             return False
-        row = {"participant": participant, "topic": topic, "type": kind, "reliable": reliable, "stamp_age_s": None}
-        self.writers[key] = {**row, "messages": 0, "octets": 0, "first_s": 0.0, "last_s": 0.0, "contents": []}
+        row = {"participant": participant, "topic": topic, "type": kind, "stamp_age_s": None}
+        qos = {"reliable": reliable, "transient_local": transient_local}
+        counts = {"messages": 0, "octets": 0, "first_s": 0.0, "last_s": 0.0, "contents": []}
+        self.writers[key] = {**row, **qos, **counts}
         return True
 
     def add_text(self, key: str, text: str) -> None:
@@ -246,10 +252,51 @@ def open_domain(number: int, configuration: str) -> Any:  # noqa: ANN401 - cyclo
     return made
 
 
+class Octets:
+    """A message as it came: who takes it decodes it, so that one that cannot be decoded takes no other along."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.sample_info: Any = None
+
+    @classmethod
+    def deserialize(cls, data: bytes) -> Octets:
+        """For cyclonedds, which asks the type of a topic."""
+        return cls(data)
+
+    deserialize_key = deserialize
+
+
+def octets_reader(participant: Any, name: str, kind: Any, qos: Any) -> Any:  # noqa: ANN401 - of cyclonedds
+    """A reader of `Octets` on a topic of DDS."""
+    from cyclonedds.sub import DataReader  # noqa: PLC0415 - as above
+    from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
+
+    topic: Any = Topic(participant, name, kind)
+    reader = DataReader(participant, topic, qos=qos)
+    topic.data_type = Octets
+    return reader
+
+
+def decoded(kind: Any, data: bytes) -> Any:  # noqa: ANN401 - a message
+    """A message; None: it is none of this type."""
+    try:
+        return kind.deserialize(data)
+    except Exception:  # noqa: BLE001 - cyclonedds and struct raise what they like
+        return None
+
+
 class CycloneListener:
     """By cyclonedds, polled in one thread: hears every publisher, and counts messages of known types."""
 
-    def __init__(self, number: int, types: Any, topic: str) -> None:  # noqa: ANN401 - IdlTypes, or what has its methods
+    def __init__(
+        self,
+        number: int,
+        types: Any,  # noqa: ANN401 - IdlTypes, or what has its methods
+        topic: str,
+        keep: Callable[[Mapping[str, Any], bytes], None] | None = None,
+    ) -> None:
+        """`keep` is given every message of a known type, and what is known of its publisher."""
         from cyclonedds.builtin import (  # noqa: PLC0415 - as above
             BuiltinDataReader,
             BuiltinTopicDcpsParticipant,
@@ -262,25 +309,25 @@ class CycloneListener:
         self._people = BuiltinDataReader(self._participant, BuiltinTopicDcpsParticipant)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._types = types
+        self._keep = keep
         self._readers: dict[tuple[str, str], Any] = {}
         self._handles: dict[int, str] = {}
 
-    def poll(self) -> None:
+    def poll(self, pause_s: float = _POLL_S) -> None:
         """Take what has arrived."""
         guid = str(self._participant.guid)
+        # Of who leaves there is a sample with its key alone.
         for sample in self._people.take(N=_AT_ONCE):
-            key = str(getattr(sample, "key", ""))
-            if sample.sample_info.valid_data and key and key != guid:
-                self.log.add_participant(key, _addresses(sample))
+            if sample.sample_info.valid_data and str(sample.key) != guid:
+                self.log.add_participant(str(sample.key), _addresses(sample))
         for sample in self._publications.take(N=_AT_ONCE):
-            # One that has gone comes once more, without its fields.
             if sample.sample_info.valid_data and str(sample.participant_key) != guid:
                 self._publication(sample)
-        for reader in list(self._readers.values()):
+        for (_, kind), reader in list(self._readers.items()):
             for sample in reader.take(N=_AT_ONCE):
                 if sample.sample_info.valid_data:
-                    self._message(reader, sample)
-        time.sleep(_POLL_S)
+                    self._message(reader, self._types.idl(kind), sample)
+        time.sleep(pause_s)
 
     def _publication(self, sample: Any) -> None:  # noqa: ANN401 - cyclonedds' endpoint
         from cyclonedds.core import Policy  # noqa: PLC0415 - as above
@@ -290,22 +337,21 @@ class CycloneListener:
             return
         kind = ros_type_name(sample.type_name) or sample.type_name
         reliable = isinstance(sample.qos[Policy.Reliability], Policy.Reliability.Reliable)
-        if self.log.add_writer(str(sample.key), str(sample.participant_key), name, kind, reliable=reliable):
+        is_kept = sample.qos[Policy.Durability] == Policy.Durability.TransientLocal
+        participant = str(sample.participant_key)
+        if self.log.add_writer(str(sample.key), participant, name, kind, reliable=reliable, transient_local=is_kept):
             self._read(sample.topic_name, name, kind)
 
     def _read(self, dds_name: str, name: str, kind: str) -> None:
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
-        from cyclonedds.sub import DataReader  # noqa: PLC0415 - as above
-        from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
 
         if kind not in self._types:
             self.log.unread[name] = kind
         elif (dds_name, kind) not in self._readers:
             qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(_AT_ONCE))
-            topic = Topic(self._participant, dds_name, self._types.idl(kind))
-            self._readers[dds_name, kind] = DataReader(self._participant, topic, qos=qos)
+            self._readers[dds_name, kind] = octets_reader(self._participant, dds_name, self._types.idl(kind), qos)
 
-    def _message(self, reader: Any, sample: Any) -> None:  # noqa: ANN401 - of cyclonedds
+    def _message(self, reader: Any, kind: Any, sample: Any) -> None:  # noqa: ANN401 - of cyclonedds
         handle = sample.sample_info.publication_handle
         if handle not in self._handles:
             endpoint = reader.get_matched_publication_data(handle)
@@ -315,16 +361,19 @@ class CycloneListener:
         key = self._handles[handle]
         if key not in self.log.writers:
             return
-        data, stamp, stamp_s = sample.serialize(), stamp_of(sample), None
-        content = data
+        row, message = self.log.writers[key], decoded(kind, sample.data)
+        # Cyclone fills a message up to a multiple of four: of a short one that would be a quarter.
+        data = sample.data if message is None or len(sample.data) > _SHORT else message.serialize()
+        stamp, stamp_s, content = stamp_of(message), None, data
+        if self._keep is not None:
+            self._keep(row, data)
         if stamp is not None:
             stamp_s = stamp.sec + stamp.nanosec / 1e9
             stamp.sec = stamp.nanosec = 0
-            content = sample.serialize()
+            content = message.serialize()
         self.log.count(key, len(data), content, stamp_s)
-        row = self.log.writers[key]
         if row["topic"] == self.log.topic and row["type"] == CONFIGURATION_TYPE:
-            self.log.add_text(key, str(sample.data))
+            self.log.add_text(key, str(message.data) if message is not None else data.decode("utf-8", "replace"))
 
 
 def _addresses(sample: Any) -> str:  # noqa: ANN401 - cyclonedds' participant
@@ -433,6 +482,11 @@ def listen(
         if now >= due:
             alive()
             due = now + _ALIVE_S
+    return mapping_of(listener, others)
+
+
+def mapping_of(listener: Any, others: OtherDomains | None) -> dict[str, Any]:  # noqa: ANN401 - one of the two
+    """What was heard since the listener was made."""
     return {**listener.log.result(), "other_domains": others.domains if others is not None else {}}
 
 

@@ -1,7 +1,8 @@
 """Types of ROS 2 messages as DDS has them: ROS' own, and those of `robots/interfaces/` of an inventory.
 
 `pkg/msg/Name` is `pkg::msg::dds_::Name_` in DDS, the same from Foxy to Jazzy. Of an action `pkg/action/Name` the parts
-are known as `Name_Goal`, `Name_Result` and `Name_Feedback`.
+are known as `Name_Goal`, `Name_Result` and `Name_Feedback`, and what is sent of it as `Name_SendGoal_Request` and so
+on. Requests and replies begin as those of rmw_cyclonedds do: with the client and the number of its request.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.loading import content, shown_path
-from atlantis_netcfg.robots.listener import IdlTypes
+from atlantis_netcfg.robots.listener import IdlTypes, dds_type_name
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from cyclonedds.idl import IdlStruct
@@ -21,6 +23,23 @@ if TYPE_CHECKING:
 INTERFACES = "interfaces"
 """Below `robots/` of an inventory: `<package>/msg/<Name>.msg` and `<package>/action/<Name>.action`."""
 _ACTION_PARTS = ("Goal", "Result", "Feedback")
+_REQUEST_ID = {"client": "uint64", "number": "int64"}
+_GOAL_ID = {"goal_id": "unique_identifier_msgs/UUID"}
+_ACTION_MESSAGES = {
+    "SendGoal_Request": _REQUEST_ID | _GOAL_ID | {"goal": "{action}_Goal"},
+    "SendGoal_Response": _REQUEST_ID | {"accepted": "bool", "stamp": "builtin_interfaces/Time"},
+    "GetResult_Request": _REQUEST_ID | _GOAL_ID,
+    "GetResult_Response": _REQUEST_ID | {"status": "int8", "result": "{action}_Result"},
+    "FeedbackMessage": _GOAL_ID | {"feedback": "{action}_Feedback"},
+}
+"""What is sent of an action, as rosidl composes it of the parts: the type of each field."""
+_CANCEL_MESSAGES = {
+    "action_msgs/srv/CancelGoal_Request": _REQUEST_ID | {"goal_info": "action_msgs/GoalInfo"},
+    "action_msgs/srv/CancelGoal_Response": _REQUEST_ID
+    | {"return_code": "int8", "goals_canceling": "action_msgs/GoalInfo[]"},
+}
+_NAMED, _SEQUENCE = 2, 4
+"""Of rosbags' kinds of fields."""
 _ZEROS: dict[str, Any] = {"bool": False, "float32": 0.0, "float64": 0.0, "string": "", "wstring": ""}
 
 
@@ -29,14 +48,19 @@ class MessageTypes:
 
     def __init__(self, folder: Path | None = None) -> None:
         """`folder` is `robots/interfaces` of an inventory. Raises UsageError for a file of it that cannot be read."""
-        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - it brings numpy
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415 - it brings numpy
 
-        definitions: dict[str, Any] = dict(get_typestore(Stores.ROS2_FOXY).fielddefs)
+        self.store = get_typestore(Stores.ROS2_FOXY)
+        """For rosbags; of the files' types it has the definitions alone, for their classes would be made by `exec`."""
+        definitions: dict[str, Any] = self.store.fielddefs
+        for name, fields in _CANCEL_MESSAGES.items():
+            (definitions[name],) = get_types_from_msg(_text(fields), name).values()
         for path in sorted(folder.glob("*/*/*")) if folder is not None and folder.is_dir() else ():
             definitions.update(_read(path))
         self.fields = {name: fields for name, (_, fields) in definitions.items()}
         """As `listener.IdlTypes` takes them, ready for JSON."""
         self._types = IdlTypes(self.fields)
+        self._unchecked: dict[str, type[IdlStruct]] = {}
 
     def __contains__(self, name: str) -> bool:
         return name in self.fields
@@ -53,10 +77,26 @@ class MessageTypes:
             raise _unknown(str(error.args[0])) from None
         return made
 
+    def unchecked(self, name: str) -> type[IdlStruct]:
+        """A type of this name that takes any message: cyclonedds drops what is shorter than its type without a word."""
+        if name not in self._unchecked:
+            from cyclonedds.idl import make_idl_struct, types  # noqa: PLC0415 - there is none for aarch64
+
+            fields = {"octet": types.uint8}
+            self._unchecked[name] = make_idl_struct(name.rpartition("/")[2], dds_type_name(name), fields)
+        return self._unchecked[name]
+
     def empty(self, name: str) -> Any:  # noqa: ANN401 - a message of that type
         """A message with zeros and empty texts."""
         values = {field: self._empty_of(node) for field, node in self._definition(name)}
         return self.idl(name)(**(values or {"structure_needs_at_least_one_member": 0}))
+
+    def items(self, name: str, field: str) -> str | None:
+        """The type of which a field holds a list; None: it has no such field."""
+        for each, (kind, of) in self._definition(name):
+            if each == field and int(kind) == _SEQUENCE and int(of[0][0]) == _NAMED:
+                return str(of[0][1])
+        return None
 
     def _definition(self, name: str) -> list[tuple[str, Any]]:
         if name not in self.fields:
@@ -78,7 +118,9 @@ class MessageTypes:
 
 
 def _unknown(name: str) -> UsageError:
-    hint = f"put its file into robots/{INTERFACES}/{name}.msg of the inventory"
+    package, sort, short = name.split("/")
+    file = f"{short.partition('_')[0]}.action" if sort == "action" else f"{short}.msg"
+    hint = f"put its file into robots/{INTERFACES}/{package}/{sort}/{file} of the inventory"
     return UsageError(f"the type {name} is not known", hint=hint)
 
 
@@ -108,4 +150,10 @@ def _parts(path: Path, text: str) -> dict[str, str]:
     parts = re.split(r"(?m)^---\s*$", text)
     if len(parts) != len(_ACTION_PARTS):
         raise ValueError(f"an action has three parts with `---` between them, this one has {len(parts)}")
-    return {f"{path.stem}_{words}": part for part, words in zip(parts, _ACTION_PARTS, strict=True)}
+    named = {f"{path.stem}_{words}": part for part, words in zip(parts, _ACTION_PARTS, strict=True)}
+    action = "/".join((*path.parts[-3:-1], path.stem))
+    return named | {f"{path.stem}_{words}": _text(fields, action) for words, fields in _ACTION_MESSAGES.items()}
+
+
+def _text(fields: Mapping[str, str], action: str = "") -> str:
+    return "\n".join(f"{kind.format(action=action)} {name}" for name, kind in fields.items())

@@ -1,4 +1,4 @@
-"""A mock robot: it publishes what its file says, at the report's rates, so that a control centre can be tried."""
+"""A mock robot: it publishes what its file says and answers goals, so that a control centre can be tried."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.robots.actions import GoalRefusal
 from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE, stamp_of
+from atlantis_netcfg.robots.mock_action import MockAction
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
-    from atlantis_netcfg.declaration.model.robot import PublishedTopic, RobotFile
+    from atlantis_netcfg.declaration.model.robot import CommandCondition, PublishedTopic, RobotFile
     from atlantis_netcfg.robots.message_types import MessageTypes
     from atlantis_netcfg.robots.network import Publisher
 
@@ -32,6 +34,8 @@ _ROUND_S: Final = 60.0
 """It sails a small circle once a minute."""
 _METRES_A_DEGREE: Final = 111_320.0
 _WIDTH, _HEIGHT = 80, 60
+_BOOLEAN: Final = False
+"""What all booleans of a mock robot say."""
 
 
 @dataclass(slots=True)
@@ -48,9 +52,35 @@ class MockRobot:
     configuration_topic: str
     due: dict[str, float] = field(default_factory=dict)
     sent: dict[str, int] = field(default_factory=dict)
+    actions: list[MockAction] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Offer the actions of its file. Raises UsageError where a type is not known."""
+        requirements = {
+            self.robot.full_name(command.action): partial(self._require, command.condition)
+            for _, _, command in self.robot.every_command()
+        }
+        self.actions = [
+            MockAction(action, self.publisher, self.types, requirements.get(action.name))
+            for action in self.robot.actions()
+        ]
+
+    def limits(self) -> Iterator[str]:
+        """What it cannot stand for, as its program does it without a topic or an action."""
+        if self.robot.mission_executor.action is None:
+            yield f"{self.robot.name} takes no plans: its program gets them by a function"
+        if self.robot.pose.topic is None:
+            yield f"{self.robot.name} publishes no pose: its program hands it to the library"
+
+    def _require(self, condition: CommandCondition | None) -> None:
+        if condition is not None and condition.value != _BOOLEAN:
+            topic, value = self.robot.full_name(condition.topic), str(condition.value).lower()
+            raise GoalRefusal(f"{topic} must be {value} and is not")
 
     def step(self, now: float) -> float:
-        """Publish what is due at this second of the monotonic clock; say when the next is."""
+        """Publish what is due at this second of the monotonic clock, and answer; say when the next is."""
+        for action in self.actions:
+            action.step(now, time.time_ns())
         self._every(1.0, self.configuration_topic, CONFIGURATION_TYPE, now, self._configuration)
         for topic in self.robot.topics():
             self._every(RATES_HZ[topic.kind], topic.name, topic.message_type, now, partial(self._message, topic, now))
@@ -79,7 +109,7 @@ class MockRobot:
         pose = getattr(message, "pose", message)
         match topic.kind:
             case TopicKind.BOOLEAN:
-                _set(message, "data", False)
+                _set(message, "data", _BOOLEAN)
             case TopicKind.NUMBER:
                 _set(message, "data", 12.0 + math.sin(angle))
             case TopicKind.POSE if hasattr(pose, "position"):

@@ -5,22 +5,44 @@ cyclonedds is driven by polling in one thread. A domain is configured once a pro
 
 from __future__ import annotations
 
+import asyncio
+import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.robots.listener import CycloneListener, OtherDomains, listen, open_domain
-from atlantis_netcfg.robots.observation import read_heard
+from atlantis_netcfg.robots.listener import (
+    CycloneListener,
+    OtherDomains,
+    decoded,
+    listen,
+    mapping_of,
+    octets_reader,
+    open_domain,
+)
+from atlantis_netcfg.robots.observation import HeardWriter, read_heard
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from cyclonedds.idl import IdlStruct
 
     from atlantis_netcfg.robots.message_types import MessageTypes
     from atlantis_netcfg.robots.observation import Observation
 
+_POLL_S: Final = 0.02
 ANNOUNCE_S: Final = 10
 _LEASE_S: Final = 120
 """Longer than a satellite is silent: after that messages come again, without finding each other anew."""
+_DEPTH: Final = 10
+"""Of a topic, as rmw has it."""
+_BLOCK_MS: Final = 100
+"""How long a reader that takes nothing may hold the robot up."""
+_REQUESTS_AT_ONCE: Final = 32
+"""Of one service; of more the oldest are lost, as in a node of ROS, which keeps 10."""
+_LONGEST_REQUEST: Final = 1_000_000
+_ALIGNMENT: Final = 4
+"""Messages are padded to it."""
 
 
 def profile(address: str, peers: Sequence[str], participants: int) -> str:
@@ -61,18 +83,41 @@ def domain(number: int, configuration: str) -> Iterator[int]:
 class RobotListener:
     """Hears every publisher of a domain, and counts the messages of those whose type is known."""
 
-    def __init__(self, number: int, types: MessageTypes, configuration_topic: str, address: str | None = None) -> None:
-        """`address`: of this computer, where other domains are listened to as well."""
-        self._listener = CycloneListener(number, types, configuration_topic)
+    def __init__(
+        self,
+        number: int,
+        types: MessageTypes,
+        configuration_topic: str,
+        address: str | None = None,
+        keep: Callable[[HeardWriter, bytes], None] | None = None,
+    ) -> None:
+        """`address`: of this computer, where other domains are listened to as well; `keep` is given every message."""
+
+        def keep_row(row: Mapping[str, Any], data: bytes) -> None:
+            if keep is not None:
+                names = ("participant", "topic", "type", "reliable", "transient_local")
+                keep(HeardWriter(*(row[name] for name in names)), data)
+
+        self._listener = CycloneListener(number, types, configuration_topic, keep_row if keep is not None else None)
         self._others = OtherDomains(number, address) if address is not None else None
 
     def listen(self, seconds: float) -> Observation:
         """Listen so long, and say what was heard since the beginning."""
         return read_heard(listen(self._listener, seconds, self._others))
 
+    async def listen_beside_others(self, seconds: float) -> Observation:
+        """Listen so long, and let others work meanwhile."""
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            self._listener.poll(pause_s=0)
+            if self._others is not None:
+                self._others.poll()
+            await asyncio.sleep(_POLL_S)
+        return read_heard(mapping_of(self._listener, self._others))
+
 
 class Publisher:
-    """One participant that publishes messages of ROS."""
+    """One participant that publishes messages of ROS, and offers services of ROS."""
 
     def __init__(self, number: int, types: MessageTypes) -> None:
         from cyclonedds.domain import DomainParticipant  # noqa: PLC0415 - as above
@@ -81,17 +126,78 @@ class Publisher:
         self._types = types
         self._writers: dict[str, Any] = {}
 
-    def publish(self, topic: str, kind: str, message: Any, *, reliable: bool = False) -> None:  # noqa: ANN401 - a message
-        """Send a message on a topic of ROS, whose publisher is made with the first one."""
+    def advertise(
+        self, topic: str, kind: str, *, reliable: bool = False, transient_local: bool = False, depth: int = _DEPTH
+    ) -> None:
+        """Make the publisher of a topic; a transient-local one gives its last messages to those who come later."""
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
-        from cyclonedds.pub import DataWriter  # noqa: PLC0415 - as above
-        from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
         from cyclonedds.util import duration  # noqa: PLC0415 - as above
 
+        reliability = Policy.Reliability.Reliable(duration(milliseconds=_BLOCK_MS))
+        qos = Qos(
+            reliability if reliable else Policy.Reliability.BestEffort,
+            Policy.Durability.TransientLocal if transient_local else Policy.Durability.Volatile,
+            Policy.History.KeepLast(depth),
+        )
+        self._writers[topic] = _writer(self._participant, f"rt{topic}", self._types.idl(kind), qos)
+
+    def publish(self, topic: str, kind: str, message: Any) -> None:  # noqa: ANN401 - a message
+        """Send a message on a topic of ROS, whose publisher is made with the first one."""
         if topic not in self._writers:
-            reliability = (
-                Policy.Reliability.Reliable(duration(seconds=1)) if reliable else Policy.Reliability.BestEffort
-            )
-            made = Topic(self._participant, f"rt{topic}", self._types.idl(kind))
-            self._writers[topic] = DataWriter(self._participant, made, qos=Qos(reliability, Policy.History.KeepLast(5)))
-        self._writers[topic].write(message)
+            self.advertise(topic, kind)
+        self.send(topic, message)
+
+    def send(self, topic: str, message: Any) -> bool:  # noqa: ANN401 - a message
+        """Send a message on an advertised topic; False: a reader of a reliable one takes nothing."""
+        return _write(self._writers[topic], message)
+
+    def service(self, name: str, kind: str) -> RosService:
+        """Offer a service of ROS."""
+        return RosService(self._participant, self._types, name, kind)
+
+
+class RosService:
+    """One service of ROS, as rmw_cyclonedds sends requests and replies."""
+
+    def __init__(self, participant: Any, types: MessageTypes, name: str, kind: str) -> None:  # noqa: ANN401 - of cyclonedds
+        from cyclonedds.core import Policy, Qos  # noqa: PLC0415 - as above
+        from cyclonedds.util import duration  # noqa: PLC0415 - as above
+
+        reliable = Policy.Reliability.Reliable(duration(milliseconds=_BLOCK_MS))
+        qos = Qos(reliable, Policy.History.KeepLast(_REQUESTS_AT_ONCE))
+        self._type = types.idl(f"{kind}_Request")
+        self._reader = octets_reader(participant, f"rq{name}Request", types.unchecked(f"{kind}_Request"), qos)
+        self._writer = _writer(participant, f"rr{name}Reply", types.idl(f"{kind}_Response"), qos)
+
+    def requests(self) -> Iterator[Any]:
+        """What has come since; None for a request that is not in this form."""
+        for sample in self._reader.take(N=_REQUESTS_AT_ONCE):
+            if sample.sample_info.valid_data:
+                data = sample.data if len(sample.data) <= _LONGEST_REQUEST else b""
+                message = decoded(self._type, data)
+                is_whole = message is not None and 0 <= len(data) - len(message.serialize()) < _ALIGNMENT
+                yield message if is_whole else None
+
+    def reply(self, request: Any, message: Any) -> None:  # noqa: ANN401 - messages
+        """Answer a request."""
+        message.client, message.number = request.client, request.number
+        _write(self._writer, message)
+
+
+def _writer(participant: Any, name: str, kind: type[IdlStruct], qos: Any) -> Any:  # noqa: ANN401 - of cyclonedds
+    from cyclonedds.pub import DataWriter  # noqa: PLC0415 - as above
+    from cyclonedds.topic import Topic  # noqa: PLC0415 - as above
+
+    return DataWriter(participant, Topic(participant, name, kind), qos=qos)
+
+
+def _write(writer: Any, message: Any) -> bool:  # noqa: ANN401 - of cyclonedds
+    from cyclonedds.core import DDSException  # noqa: PLC0415 - as above
+
+    try:
+        writer.write(message)
+    except DDSException as error:
+        if error.code != DDSException.DDS_RETCODE_TIMEOUT:
+            raise
+        return False
+    return True

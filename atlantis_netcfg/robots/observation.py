@@ -44,6 +44,8 @@ class HeardWriter:
     type: str
     """In ROS' words where it is a type of ROS."""
     reliable: bool = False
+    transient_local: bool = False
+    """Its last messages are kept for whoever comes later."""
     messages: int = 0
     octets: int = 0
     """Of all messages, serialised."""
@@ -158,7 +160,7 @@ def judge(
         # Another process of the robot is another participant: what has the name of a topic of its file is its.
         topics = {topic.name for topic in robot.topics()}
         writers = [each for each in observation.writers if each.participant in keys or each.topic in topics]
-        findings += _topics(robot, writers, observation)
+        findings += [finding for _, finding in topic_findings(robot, writers, observation)]
         state = RobotState.UNKNOWN if source is None or source.vehicle in past else RobotState.DECLARED
         vehicle = source.vehicle if source is not None else None
         reports.append(RobotReport(name, state, vehicle, tuple(findings), tuple(writers)))
@@ -169,9 +171,15 @@ def judge(
 
 def _missing(source: RobotSource, observation: Observation) -> RobotReport:
     name = source.robot.name if source.robot is not None else str(source.vehicle)
+    declared = {topic.name for topic in source.robot.topics()} if source.robot is not None else set()
+    topic = next((writer.topic for writer in observation.writers if writer.topic in declared), None)
     message = f"nothing was heard of it in {observation.seconds:.0f} s"
     hint = "is it switched on, in the network, and in the domain of `dds.domain`?"
     findings = [BearerFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)]
+    if topic is not None:
+        message = f"somebody publishes {topic}, and no configuration of it was heard"
+        hint = "a robot that is registered stops publishing it: start its program again"
+        findings = [BearerFinding(Verdict.INCONCLUSIVE, "configuration-missing", message, hint)]
     for address, domains in list(observation.other_domains.items())[:_MOST_FOREIGN]:
         message = f"{address} speaks in domain {', '.join(map(str, domains))}, which is not that of `dds.domain`"
         hint = "if that is this robot: set its ROS_DOMAIN_ID as declared, and start its programs anew"
@@ -236,19 +244,23 @@ def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerF
         yield BearerFinding(Verdict.FAIL, "configuration-differs", message, _CHECK_ITS_FILE)
 
 
-def _topics(robot: RobotFile, writers: Sequence[HeardWriter], observation: Observation) -> Iterator[BearerFinding]:
+def topic_findings(
+    robot: RobotFile, writers: Sequence[HeardWriter], observation: Observation
+) -> Iterator[tuple[PublishedTopic, BearerFinding]]:
+    """What is wrong with each topic that a robot's configuration names; `writers` are its own."""
     for topic in robot.topics():
         rows = [writer for writer in writers if writer.topic == topic.name]
         if not rows:
             message = f"it does not publish {topic.name}, which its configuration names"
-            yield BearerFinding(Verdict.FAIL, "topic-missing", message, "look at the program that publishes it")
+            hint = "look at the program that publishes it"
+            yield topic, BearerFinding(Verdict.FAIL, "topic-missing", message, hint)
         elif topic.name in observation.unread:
             message = f"the type of {topic.name} is not known here, so that nothing of it was counted"
             hint = f"put {observation.unread[topic.name]} into robots/interfaces of the inventory"
-            yield BearerFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
+            yield topic, BearerFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
         else:
             for writer in rows:
-                yield from _topic(topic, writer, observation.seconds)
+                yield from ((topic, finding) for finding in _topic(topic, writer, observation.seconds))
 
 
 def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[BearerFinding]:
@@ -261,6 +273,9 @@ def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterat
         message = f"nothing was heard on {topic.name} in {seconds:.0f} s, though it is published"
         yield BearerFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
         return
+    if rate is None and beside_guideline(topic.kind.data, 0.0) is not None:
+        message = f"{topic.name} was heard {writer.messages} times in {seconds:.0f} s: too few to tell its rate"
+        yield BearerFinding(Verdict.INCONCLUSIVE, "topic-rate-unknown", message, "listen longer: `for=60s`")
     if rate is not None:
         way, guideline = beside_guideline(topic.kind.data, rate) or ("", "")
         is_near = beside_guideline(topic.kind.data, rate / _TOLERANCE if way == "above" else rate * _TOLERANCE) is None

@@ -10,7 +10,9 @@ thing is.
 from __future__ import annotations
 
 from atlantis_netcfg.checklist.probes.step import (
+    INTEGRATION,
     ITEMS,
+    ROBOT,
     SITE,
     AllowListTestRequest,
     AllowListTestResult,
@@ -35,6 +37,8 @@ from atlantis_netcfg.checklist.probes.step import (
     Reflected,
     ReflectRequest,
     ReflectResult,
+    RobotsHeardRequest,
+    RobotsHeardResult,
     RouterAdvertisement,
     RouterAdvertisements,
     RouterOsQuery,
@@ -45,10 +49,15 @@ from atlantis_netcfg.checklist.probes.step import (
     Step,
     Transcript,
     Trouble,
+    VpnMember,
+    VpnMembersRequest,
+    VpnMembersResult,
 )
 
 __all__ = [
+    "INTEGRATION",
     "ITEMS",
+    "ROBOT",
     "SITE",
     "AllowListTestRequest",
     "AllowListTestResult",
@@ -73,6 +82,8 @@ __all__ = [
     "ReflectRequest",
     "ReflectResult",
     "Reflected",
+    "RobotsHeardRequest",
+    "RobotsHeardResult",
     "RouterAdvertisement",
     "RouterAdvertisements",
     "RouterOsQuery",
@@ -83,4 +94,7 @@ __all__ = [
     "Step",
     "Transcript",
     "Trouble",
+    "VpnMember",
+    "VpnMembersRequest",
+    "VpnMembersResult",
 ]

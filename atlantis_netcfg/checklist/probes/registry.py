@@ -16,15 +16,17 @@ from atlantis_netcfg.checklist.probes import (
     bearer_probe,
     ethernet,
     gps,
+    integration,
     items,
     rc_rf,
+    robot,
     satellite,
     site_checks,
     usbl,
     wifi,
 )
 from atlantis_netcfg.checklist.probes.acoustic.modem import refused_reason
-from atlantis_netcfg.checklist.probes.step import ITEMS, SITE, Cell, Listen, Step
+from atlantis_netcfg.checklist.probes.step import INTEGRATION, ITEMS, ROBOT, SITE, Cell, Listen, Step
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.declaration.model import ETHERNET, Column
 
@@ -42,6 +44,8 @@ TITLES: Mapping[str, str] = {
     Column.GPS: "GPS",
     ETHERNET: "Ethernet",
     SITE: "Site",
+    ROBOT: "Robot",
+    INTEGRATION: "Integration",
     ITEMS: "Items",
 }
 """Endpoint to the words of Table 3, and ours for what is beside it."""
@@ -56,6 +60,8 @@ _STEPS: Mapping[str, Callable[[Cell], tuple[Step, ...]]] = {
     Column.GPS: gps.steps,
     ETHERNET: ethernet.steps,
     SITE: site_checks.steps,
+    ROBOT: robot.steps,
+    INTEGRATION: integration.steps,
     ITEMS: items.steps,
 }
 
@@ -78,7 +84,12 @@ def by_a_person(cell: Cell) -> Step:
     )
 
 
-_PHASES: Mapping[str, Phase] = {Column.GPS: Phase.QUAY, Column.ACOUSTIC: Phase.WATER, Column.USBL: Phase.WATER}
+_PHASES: Mapping[str, Phase] = {
+    Column.GPS: Phase.QUAY,
+    Column.ACOUSTIC: Phase.WATER,
+    Column.USBL: Phase.WATER,
+    INTEGRATION: Phase.INTEGRATION,
+}
 """Where a person would look: under an open sky, in water; all else on the bench."""
 
 

@@ -10,7 +10,7 @@ What came back of a question. Silence is an answer, and is never mixed up with a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -32,8 +32,10 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.bearers.status import Query
+    from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.robots.observation import Observation
 
 
 class Place(StrEnum):
@@ -196,6 +198,25 @@ class LinkRecordRequest:
     place: Literal[Place.LAPTOP] = Place.LAPTOP
 
 
+@dataclass(frozen=True, slots=True)
+class RobotsHeardRequest:
+    """Listen for robots (DDS) once for all who ask; nothing is published."""
+
+    name: str
+    host: str = ""
+    """The computer of the pilot that listens, by its name; empty: this one."""
+    seconds: float = 20.0
+    place: Literal[Place.LAPTOP] = Place.LAPTOP
+
+
+@dataclass(frozen=True, slots=True)
+class VpnMembersRequest:
+    """Which members of the VPN are robots, and whom the server has a session of, once for all who ask."""
+
+    name: str
+    place: Literal[Place.LAPTOP] = Place.LAPTOP
+
+
 Question = (
     Listen
     | RunProgram
@@ -207,6 +228,8 @@ Question = (
     | LinkStatusRequest
     | AllowListTestRequest
     | LinkRecordRequest
+    | RobotsHeardRequest
+    | VpnMembersRequest
 )
 
 
@@ -401,6 +424,36 @@ class ReflectResult:
     answers: tuple[Reflected, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class RobotsHeardResult:
+    """Which robots were heard, and what they publish."""
+
+    trouble: Trouble | None
+    words: str = ""
+    observation: Observation | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class VpnMember:
+    """A robot in the VPN."""
+
+    name: str
+    vehicle: str
+    admitted: bool
+    """Whether it has a certificate that was not revoked."""
+    session: str = ""
+    """Address and port from which it is connected now; empty: it is not."""
+
+
+@dataclass(frozen=True, slots=True)
+class VpnMembersResult:
+    """The robots in the VPN."""
+
+    trouble: Trouble | None
+    words: str = ""
+    members: tuple[VpnMember, ...] = ()
+
+
 Answer = (
     Transcript
     | CommandResult
@@ -412,6 +465,8 @@ Answer = (
     | RouterAdvertisements
     | DdsDiscoverResult
     | ReflectResult
+    | RobotsHeardResult
+    | VpnMembersResult
 )
 
 
@@ -519,6 +574,10 @@ SITE = "site"
 """The endpoint of the site's own checks."""
 ITEMS = "items"
 """The endpoint of what the pilot declares below `checklist.items`."""
+ROBOT = "robot"
+"""The endpoint of what robots publish, beside their files."""
+INTEGRATION = "integration"
+"""The endpoint of the integration record of a robot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -530,9 +589,11 @@ class Cell:
     vehicle: str | None
     """Key; None: the location."""
     endpoint: str
-    """A column of Table 3, `ethernet`, `site` or `items`."""
+    """A column of Table 3, `ethernet`, `site`, `items`, `robot` or `integration`."""
     mission: str = ""
     """Name of the mission whose items are asked as well; empty: none."""
+    robots: RobotFiles | None = field(default=None, compare=False, repr=False)
+    """The files of the robots that are tested at the site, for the endpoints that need them."""
 
     @property
     def row(self) -> str:

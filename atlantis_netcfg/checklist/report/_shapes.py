@@ -1,15 +1,7 @@
-"""How a checklist is drawn: shapes, colours, the grid of Table 3, states with their symbols.
-
-What a drawing is made of, for whoever paints it: boxes, badges and wires, in pixels.
-
-The colours of the states, in light and in dark; each is told by a symbol and a word as well.
+"""How a checklist is drawn: boxes, badges and wires in pixels, the grid of Table 3, colours, and the symbols of states.
 
 Every ink has a contrast of at least 4.5 to its paper, every edge one of 3 to the page (WCAG 2.2, 1.4.3 and 1.4.11); a
-test measures them.
-
-Table 3 as a grid: rows and columns in the report's order, and apart from them what we check beside the table.
-
-What a page shows of an item: a verdict, or why there is none, each with a symbol for whoever sees no colours.
+test measures them. Each colour comes with a symbol and a word, for readers who see none.
 """
 
 from __future__ import annotations

@@ -87,11 +87,19 @@ PHASES = {
     Phase.QUAY: "at the quay",
     Phase.WATER: "in the water",
     Phase.RECOVERY: "when the vehicles are back",
+    Phase.INTEGRATION: "when it joins the pilot",
 }
+
+
+def of_integration(document: Document) -> bool:
+    """Whether it is the record of one robot, and no checklist before a test."""
+    return document.scope.get("phase") == (Phase.INTEGRATION,)
 
 
 def heading(document: Document) -> str:
     """What the page is."""
+    if of_integration(document):
+        return f"Integration record: {', '.join(row.name for row in document.rows)}, {document.title}"
     return f"Pre-test checklist: {document.title}"
 
 
@@ -143,6 +151,8 @@ def was_green(green: SinceGreen, zone: str) -> str:
 
 def name_of_page(document: Document) -> str:
     """What a browser and a reader of PDF call it."""
+    if of_integration(document):
+        return f"Integration record of {', '.join(row.name for row in document.rows)}, run {document.run}"
     return f"Checklist of {document.title}, run {document.run}"
 
 

@@ -32,6 +32,8 @@ _TITLES = {
     "gps": "GPS",
     "ethernet": "Ethernet",
     "site": "Site",
+    "robot": "Robot",
+    "integration": "Integration",
     "items": "Items",
     "vpn": "VPN",
 }
@@ -173,8 +175,8 @@ _WORDS = {
     ShownState.OVERRIDDEN: "FAIL* overridden by a person",
     ShownState.NOT_CHECKED: ". not checked",
 }
-_DECLARED = "items"
-"""The column of what the pilot declares, which has a line of its own on a console."""
+_BELOW = ("robot", "integration", "items")
+"""Columns that have lines of their own on a console, below the table, which is as wide as that already."""
 _HEADS = {"acoustic": "Acous.", "satellite": "Satel.", "ethernet": "Ether."}
 _BRIEF = frozenset({ShownState.OPEN, ShownState.SKIP, ShownState.PASS})
 """What is told after the rest, in a line each or by name alone."""
@@ -282,26 +284,27 @@ def _grid(document: Document) -> Iterator[str]:
     table = grid(document)
     if not table.rows:
         return
-    beside = [column for column in table.beside if column != _DECLARED]
+    beside = [column for column in table.beside if column not in _BELOW]
     names = [translate(_HEADS.get(column, title(column)))[: _CELL - 1] for column in (*table.columns, *beside)]
     if names:
         yield _line("", [*names[: len(table.columns)], "|", *names[len(table.columns) :]] if beside else names)
     for row in table.rows if names else ():
         yield _line(cut(row.row.name, _NAME - 1, "~"), _marks(row, len(table.columns), beside=bool(beside)))
-    yield from _declared_items(table)
+    for column in _BELOW:
+        yield from _below(table, column)
     yield from _legend(document)
 
 
-def _declared_items(table: Grid) -> Iterator[str]:
-    """What the pilot declares stands below the table, which is as wide as a console already."""
+def _below(table: Grid, column: str) -> Iterator[str]:
+    """One column, row after row."""
     marks = [
         f"{visible(row.row.name)} {_GRID.get(cell.state, str(cell.state))}"
         for row in table.rows
         for cell in row.cells
-        if cell.column == _DECLARED and cell.items
+        if cell.column == column and cell.items
     ]
     if marks:
-        head = translate(title(_DECLARED))
+        head = translate(title(column))
         yield from (
             f"{'' if number else head:<{_NAME}}{line}"
             for number, line in enumerate(wrap(", ".join(marks), _WIDTH - _NAME))
@@ -309,7 +312,7 @@ def _declared_items(table: Grid) -> Iterator[str]:
 
 
 def _marks(row: GridRow, columns: int, *, beside: bool) -> list[str]:
-    marks = [_mark(cell) for cell in row.cells if cell.column != _DECLARED]
+    marks = [_mark(cell) for cell in row.cells if cell.column not in _BELOW]
     return [*marks[:columns], "|", *marks[columns:]] if beside else marks
 
 

@@ -87,7 +87,8 @@ class Item(_Data):
     location: str
     """The site."""
     endpoint: str
-    """A column of Table 3, `ethernet`, `site` for the site's own checks, `items` for what the pilot declares."""
+    """A column of Table 3, `ethernet`, `site` for the site's own checks, `robot` for what robots publish,
+    `integration` for a record of its own, `items` for what the pilot declares."""
     table3: bool
     """Whether it is part of a cell that the report marks."""
     kind: ItemKind

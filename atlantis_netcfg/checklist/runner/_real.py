@@ -1,14 +1,7 @@
-"""The real site's ears: each question goes to the place where its thing is.
+"""Ask the real site: each question goes to the place where its device is.
 
-The RouterOS devices of a site: questions to each in one session, links by one look, the satellite by a proof.
-
-The gateway computer as a place: one SSH command carries the program that listens, and all questions with it.
-
-This computer as a place: the program that listens, in a process of its own.
-
-The program that listens, at whatever place: packed with its questions, and read line by line.
-
-Who carries questions to their places and brings the answers back.
+RouterOS devices are asked in one session each. For the gateway and for this computer the agent program is packed with
+its questions, run there (over one SSH command, or as a process), and read line by line.
 """
 
 from __future__ import annotations
@@ -30,14 +23,17 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusRequest,
     LinkStatusResult,
     Place,
+    RobotsHeardRequest,
     RouterOsQuery,
     Rows,
     Trouble,
+    VpnMembersRequest,
 )
 from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
 from atlantis_netcfg.checklist.runner._way_in import GatewayAccess, NotReached, way_in
 from atlantis_netcfg.checklist.runner.cost import refuse_unpaid, within_budget
-from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, unanswered
+from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, in_words, unanswered
+from atlantis_netcfg.checklist.runner.robots import ask_robots
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.remote_process import Carrier
@@ -166,11 +162,6 @@ def _there(way: GatewayAccess, carrier: Carrier) -> str:
         rule = "`echo '%sudo ALL=(ALL) NOPASSWD: ALL' > /etc/sudoers.d/atlantis`"
         return f"whoever logs in on {way.name} does not become root without a password; on it, as root: {rule}"
     return f"the program that listens has ended on {way.name}: {last_line(ended.err) or f'exit {ended.rc}'}"
-
-
-def in_words(why: NetcfgError) -> str:
-    """What is so, and what to do."""
-    return f"{why}; {why.hint}" if why.hint else str(why)
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,7 +332,7 @@ class RealEars:
         return await (routers.links(questions, result) if host is None else routers.ask(host, questions))
 
     async def _ask_here(self, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
-        """Read what this computer keeps, and ask the rest by the program that listens."""
+        """Read what this computer keeps, listen for robots, and ask the rest by the program that listens."""
         kept = {
             key: link_record(self.declaration, self.request, question)
             for key, question in questions
@@ -349,8 +340,11 @@ class RealEars:
         }
         for key, answer in kept.items():
             result(key, answer)
-        rest = [(key, question) for key, question in questions if key not in kept]
-        return {**kept, **(await ask_here(rest, result) if rest else {})}
+        of_robots = [pair for pair in questions if isinstance(pair[1], RobotsHeardRequest | VpnMembersRequest)]
+        rest = [pair for pair in questions if pair[0] not in kept and pair not in of_robots]
+        work = [ask_robots(self.declaration, self.site, self.request, of_robots, result)] if of_robots else []
+        found = await asyncio.gather(*work, *([ask_here(rest, result)] if rest else []))
+        return kept | {key: answer for answers in found for key, answer in answers.items()}
 
     def _name(self, place: Place, host: str | None) -> str:
         names = {

@@ -26,6 +26,8 @@ from atlantis_netcfg.checklist.probes import (
     Question,
     ReflectRequest,
     ReflectResult,
+    RobotsHeardRequest,
+    RobotsHeardResult,
     RouterAdvertisements,
     RouterOsQuery,
     RouterSolicitRequest,
@@ -33,11 +35,14 @@ from atlantis_netcfg.checklist.probes import (
     RunProgram,
     Transcript,
     Trouble,
+    VpnMembersRequest,
+    VpnMembersResult,
 )
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Item
+    from atlantis_netcfg.core.errors import NetcfgError
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -67,12 +72,19 @@ _ANSWERS: Mapping[type, type[Answer]] = {
     LinkRecordRequest: LinkRecordResult,
     LinkStatusRequest: LinkStatusResult,
     AllowListTestRequest: AllowListTestResult,
+    RobotsHeardRequest: RobotsHeardResult,
+    VpnMembersRequest: VpnMembersResult,
 }
 
 
 def unanswered(question: Question, words: str, trouble: Trouble = Trouble.NO_PLACE) -> Answer:
     """The answer of this kind of question that says nothing but its trouble, and why in words."""
     return _ANSWERS[type(question)](trouble, words)
+
+
+def in_words(why: NetcfgError) -> str:
+    """What is so, and what to do."""
+    return f"{why}; {why.hint}" if why.hint else str(why)
 
 
 def all_unanswered(questions: Questions, words: str) -> dict[str, Answer]:

@@ -11,9 +11,9 @@ from atlantis_netcfg.cli._arguments import (
     CommandSpec,
     Flag,
     Group,
-    Values,
     Word,
 )
+from atlantis_netcfg.cli._inventory_names import Values
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 
 if TYPE_CHECKING:

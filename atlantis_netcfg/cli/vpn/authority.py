@@ -1,13 +1,4 @@
-"""Commands of the VPN's authority: `vpn init`, `vpn audit`, `vpn list`, `vpn show`.
-
-`provision vpn init`: make the authority of the VPN.
-
-`provision vpn audit`: who did what, when; and whether the record is as it was signed.
-
-`provision vpn list`: who is in the VPN.
-
-`provision vpn show`: one member of the VPN, with its certificates and what may be reached from it.
-"""
+"""Commands of the VPN's authority: `vpn init`, `vpn audit`, `vpn list`, `vpn show`."""
 
 from __future__ import annotations
 

@@ -1,15 +1,4 @@
-"""Commands that change the members of the VPN: `vpn onboard`, `vpn renew`, `vpn revoke`, `vpn accept`.
-
-`provision vpn onboard`: let a partner's device, or a declared computer, into the VPN.
-
-`provision vpn renew`: give members a new certificate, while the one in use goes on working.
-
-`provision vpn revoke`: put members out of the VPN, for good, and see that they are out.
-
-`provision vpn accept`: take the identity of a declared computer out of the file that was handed out for it.
-
-How the commands that change who is in the VPN tell what became of it.
-"""
+"""Commands that change the members of the VPN: `vpn onboard`, `vpn renew`, `vpn revoke`, `vpn accept`."""
 
 from __future__ import annotations
 

@@ -24,6 +24,13 @@ class Phase(StrEnum):
     WATER = "in water"
     RECOVERY = "recovery"
     """When the vehicles are back: a checklist of its own, with a signature of its own."""
+    INTEGRATION = "integration"
+    """When a robot joins the pilot: a record of its own for each robot, with a signature of its own."""
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether its items are a list by themselves."""
+        return self in {Phase.RECOVERY, Phase.INTEGRATION}
 
 
 class ItemSort(StrEnum):
@@ -72,7 +79,7 @@ class CheckItem(Model):
     text: Text
     """What is asked, or checked, in the words that people read."""
     phase: Phase
-    """When its turn is. `recovery` is asked when the vehicles are back, in a list of its own."""
+    """When its turn is. `recovery`, when the vehicles are back, and `integration` are lists of their own."""
     kind: ItemSort = ItemSort.PERSON
     """Who finds out."""
     look_for: Text | None = None
@@ -134,6 +141,14 @@ class SiteCheckItem(CheckItem):
 
     vehicle: Name | None = None
     """Key of the vehicle that it is about; None: the site."""
+
+    @model_validator(mode="after")
+    def _is_of_a_robot(self) -> Self:
+        if self.phase is Phase.INTEGRATION and self.vehicle is None:
+            raise wrong(
+                f"`{self.id}` has `phase: integration`, and no vehicle", "add `vehicle:`: a record is one robot's"
+            )
+        return self
 
 
 class VehicleChecklist(Model):

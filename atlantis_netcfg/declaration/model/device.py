@@ -1,15 +1,4 @@
-"""The boxes of a site, told apart by `kind`. `host_vars/<host>.yml`, key `device`.
-
-The satellite terminal of a site. `host_vars/<host>.yml`, key `device`.
-
-One end of the directional Wi-Fi bridge. `host_vars/<host>.yml`, key `device`.
-
-A site's router. `host_vars/<host>.yml`, key `device`.
-
-A switch in a site's LAN, or a bridged access point. `host_vars/<host>.yml`, key `device`.
-
-The 4G unit of a site. `host_vars/<host>.yml`, key `device`.
-"""
+"""The devices of a site, by `kind`: `host_vars/<host>.yml`, key `device`."""
 
 from __future__ import annotations
 

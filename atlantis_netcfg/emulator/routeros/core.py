@@ -115,9 +115,13 @@ class WatchedHost:
 class Core:
     """All state of one router."""
 
-    def __init__(self, spec: RouterSpec, now: Callable[[], float]) -> None:  # noqa: PLR0915 - one line for each thing
+    def __init__(  # noqa: PLR0915 - one line for each thing
+        self, spec: RouterSpec, now: Callable[[], float], dispatch: Handler
+    ) -> None:
         self.spec = spec
         self.now = now
+        self.dispatch = dispatch
+        """Carry out a command: scripts of the router run commands, and commands run scripts."""
         self.started = now()
         self.schema = Schema(spec.version, spec.packages, features_of(spec.board, poe=bool(spec.poe_ports)))
         self.store = RowStore(self.schema, reuses_ids=Deviation.IDS in spec.deviations)

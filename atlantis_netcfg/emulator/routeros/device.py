@@ -106,7 +106,7 @@ class Device(ConsoleBackend, FileSide):
         """`now` is a monotonic clock in seconds, the one that `due()` speaks about. Raises SeedRefused."""
         self.spec = spec
         self._now = now
-        self._core = Core(spec, now)
+        self._core = Core(spec, now, dispatch)
         boot(self._core)
         self._unroll_at: float | None = None
         self._lost: dict[int, float] = {}
@@ -397,7 +397,7 @@ class Device(ConsoleBackend, FileSide):
         files = {name: FlashFile(*parts) for name, parts in flash["files"].items()}
         found = boot_with(self.spec.model_copy(update=_software(flash)), files)
         upgraded = found.spec.version != flash.get("software", {}).get("version", self.spec.version)
-        before, self._core = self._core, Core(found.spec, self._now)
+        before, self._core = self._core, Core(found.spec, self._now, dispatch)
         self._core.resume(before)
         if upgraded:
             boot(self._core)

@@ -1,34 +1,24 @@
 """What each role of a computer asks for, by the role's name. A new role is a function and its line here.
 
 `KINDS` says which kind of computer has which roles: a new kind is its row there, and its group in the playbook.
-
-`perform` answers a role: what each computer of a play should hold. It contacts nothing. It also says where a host may
-take packages and sources from, and how much of them: its site's link, or a bundle alone.
 """
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
-from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import Declaration, Host
 from atlantis_netcfg.declaration.model import ControlCentre, Gateway, Model, OperatorStation, VpnServer
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.ros2 import ArchiveKey, StandIn, gateway_ros2
-from atlantis_netcfg.operations.computers import _watch
-from atlantis_netcfg.operations.computers._access import computer_access, is_computer, is_server
-from atlantis_netcfg.operations.costs import gate
-from atlantis_netcfg.operations.request import Request, declaration_of, open_request, refuse_examples
-from atlantis_netcfg.operations.site_links import link_of
+from atlantis_netcfg.operations.computers._access import computer_access, is_server
+from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import openvpn_server
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 Part = Callable[[Declaration, Host, Request], Mapping[str, Any]]
 """Pure: what one host should hold, as JSON-able data without secrets."""
@@ -117,87 +107,3 @@ PARTS: Mapping[str, Part] = {
     "gateway_interop": _interop,
     "gateway_dds": _dds,
 }
-
-BUNDLES = "/var/lib/atlantis/bundle"
-"""On a computer: where the action `carry` puts a bundle, below its id."""
-
-
-def fetching(declaration: Declaration, host: Host, request: Request, bundle: str | None) -> Mapping[str, Any]:
-    """Give the parameters of the module `packages` that say so; none: whatever it needs, over a link that is free.
-
-    Over a link that is paid by the byte nothing is fetched unless a person has agreed, and never more than its cap.
-    Which link a site uses at the moment only its router knows: the one that it prefers is taken for it.
-    """
-    if bundle is not None:
-        return {"offline": f"{BUNDLES}/{bundle}/repository"}
-    bearers = declaration.sites[host.site].bearers
-    if request.rehearsed or not bearers or not bearers[0].metered:
-        return {}
-    link = link_of(declaration, host.site, bearers[0].name)
-    if request.accept_cost and link.cap_bytes is None:
-        return {}
-    return {
-        "limit_bytes": link.cap_bytes if request.accept_cost else 0,
-        "limit_words": f"over {link.name} of {host.site}, which is paid by the byte",
-    }
-
-
-def narrowed(desired: Mapping[str, Any], how: Mapping[str, Any], bundle: str | None) -> dict[str, Any]:
-    """Give a part its ways: to packages by `how`, to sources that are built in the bundle alone, if there is one."""
-    values = dict(desired)
-    if values.get("packages") is not None:
-        values["packages"] = {**values["packages"], **how}
-    if values.get("build") is not None and bundle is not None:
-        values["build"] = {**values["build"], "offline": f"{BUNDLES}/{bundle}/sources"}
-    return values
-
-
-def bundle_of(folder: Path | None) -> str | None:
-    """The id of a bundle, as its manifest has it; it was opened, and found right, before."""
-    if folder is None:
-        return None
-    from atlantis_netcfg.bundle.manifest import MANIFEST, read_manifest  # noqa: PLC0415 - most runs have no bundle
-
-    path = folder / MANIFEST
-    return read_manifest(path.read_bytes(), str(path)).id
-
-
-def perform(
-    inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, part: str, *, plan_only: bool
-) -> dict[str, Any]:
-    """Give `per_host` for the part of that name, and refuse what the run may not do. Raises NetcfgError."""
-    with open_request(request, plan_only=plan_only) as (requested, _):
-        if part not in PARTS:
-            raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(PARTS)}")
-        declaration = declaration_of(inventory)
-        computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
-        refuse_examples(declaration, rehearsed=requested.rehearsed)
-        gate(declaration, computers, requested)
-        _watch.refuse()
-        if part == ACCESS:
-            _open_bundle(declaration, computers, requested)
-            refuse_unfounded(computers, requested)
-        bundle = bundle_of(requested.offline)
-        return {
-            "per_host": {
-                host.name: narrowed(
-                    PARTS[part](declaration, host, requested), fetching(declaration, host, requested, bundle), bundle
-                )
-                for host in computers
-                if concerns(part, host)
-            }
-        }
-
-
-def _open_bundle(declaration: Declaration, computers: Sequence[Host], request: Request) -> None:
-    """Hold the bundle against the declaration, before anything starts. Raises BundleRefused with all that it lacks."""
-    if request.offline is None:
-        return
-    if servers := [host.name for host in computers if is_server(host)]:
-        raise UsageError(
-            f"{', '.join(servers)}: the server of the VPN takes nothing from a bundle: that is for the others",
-            hint="name the others with `only=`; run the server without `--offline`",
-        )
-    from atlantis_netcfg.operations import bundle as bundling  # noqa: PLC0415 - most runs have no bundle
-
-    bundling.opened(declaration, computers, request.offline, request)

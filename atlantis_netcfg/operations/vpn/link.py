@@ -1,8 +1,7 @@
 """The connection to the VPN's server while a command runs: one process there, one round trip per request.
 
-`SshLink` opens the same connection as Ansible does (OpenSSH, with the same options), and shares it where one is open;
-`LocalLink` is for a server on this very computer. Either starts the live tool, which is sent once and kept there under
-its SHA-256.
+`SshLink` opens the same connection as Ansible does (OpenSSH, with the same options), and shares it where one is open.
+It starts the live tool, which is sent once and kept there under its SHA-256.
 """
 
 from __future__ import annotations
@@ -313,21 +312,6 @@ class SshLink(_RemoteLink):
 
     def _trouble(self, code: int | None, text: str) -> ServerAway:
         return ssh_error(self.name, self._access, code, text)
-
-
-class LocalLink(_RemoteLink):
-    """On this computer, as its root. `enter` is a program that goes where the server is, like `nsenter -t PID -n`."""
-
-    def __init__(self, name: str = "this computer", enter: Sequence[str] = ()) -> None:
-        super().__init__(name)
-        self._enter = tuple(enter)
-
-    def _words(self, command: str) -> Sequence[str]:
-        return [*self._enter, "sh", "-c", command]
-
-    def _trouble(self, code: int | None, text: str) -> ServerAway:
-        words = f": {last}" if (last := text.strip().rpartition("\n")[2]) else ""
-        return ServerAway(f"{self.name}: the toolkit's program did not start (exit {code}){words}")
 
 
 def _command(tool: Tool) -> str:

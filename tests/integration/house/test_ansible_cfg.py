@@ -86,13 +86,37 @@ def test_plain_ansible_does_not_end_well_with_a_finding(findings: list[str], cod
     roles = {
         name: (ROOT / "roles" / name / "tasks" / "main.yml").read_text() for name in ("gateway_base", "gateway_interop")
     }
-    assert all(f"register: {name}_configured" in text for name, text in roles.items())
+    assert all(f"register: {name}_result" in text for name, text in roles.items())
     known = {
-        "gateway_base_configured": {"findings": findings[:1]},
-        "gateway_interop_configured": {"findings": findings[1:]},
+        "gateway_base_result": {"findings": findings[:1]},
+        "gateway_interop_result": {"findings": findings[1:]},
     }
     play = {"hosts": "localhost", "connection": "local", "gather_facts": False, "tasks": [task]}
     (tmp_path / "play.yml").write_text(yaml.safe_dump([{**play, "vars": known if findings else {}}]))
     process = ansible("ansible-playbook", "-i", "localhost,", str(tmp_path / "play.yml"), home=tmp_path)
     assert process.returncode == code, process.stdout + process.stderr
     assert ("no firewall; no bound" in process.stdout + process.stderr) is bool(findings)
+
+
+def test_the_playbook_of_docs_roles_runs_from_another_folder(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "roles.md").read_text(encoding="utf-8")
+    playbook = tmp_path / "mine.yml"
+    playbook.write_text(page.partition("```yaml\n")[2].partition("```")[0], encoding="utf-8")
+    words = [str(Path(sys.executable).parent / "ansible-playbook"), "-i", str(ROOT / "inventory"), str(playbook)]
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("ANSIBLE_")}
+    told = {
+        "ANSIBLE_CONFIG": str(ROOT / "ansible.cfg"),
+        "ANSIBLE_HOME": str(tmp_path),
+        "ATLANTIS_STATE": str(tmp_path / "state"),
+    }
+    done = subprocess.run(
+        [*words, "-e", "atlantis_rehearse=true"],
+        cwd=tmp_path,
+        env=kept | told | {"HOME": str(tmp_path), "NO_COLOR": "1", "LC_ALL": "C.UTF-8"},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "coastal-router: changed" in done.stdout

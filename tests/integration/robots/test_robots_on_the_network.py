@@ -6,6 +6,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -48,6 +49,30 @@ def test_six_mock_robots_are_heard_as_their_files_say() -> None:
     assert "EXAMPLE-sparus-token" not in done.stdout
 
 
+def test_the_checklist_hears_robots_in_the_lan_of_its_site(tmp_path: Path) -> None:
+    """All but one of six are there; who is in the VPN, and what the control centre hears, nobody can say here."""
+    lan = "ip link add lan0 type veth peer name lan1 && ip address add 10.64.1.99/24 dev lan0"
+    up = "ip link set lan0 up && ip link set lan1 up"
+    mocks = '"$1" robot mock vehicle=eca-rov,girona500,mares,sparus,stork for=40s address=10.64.1.99'
+    script = f'{lan} && {up} && {{ {mocks} >"$4" 2>&1 & "$2" -P "$3" "$5"; code=$?; kill $!; wait; exit $code; }}'
+    words = (str(PROVISION), sys.executable, str(HERE / "checklist_heard.py"), "/dev/null", str(tmp_path))
+    done = alone(script, *words)
+    assert done.returncode == 0, done.stderr
+    items = json.loads(done.stdout)
+    verdicts = {name: verdict for name, (verdict, *_) in items.items()}
+    here = ("eca-rov", "girona500", "mares", "sparus", "stork")
+    for name in here:
+        heard = {key: verdicts[f"{name}/robot/{key}"] for key in ("discovered", "telemetry", "rates")}
+        assert heard == dict.fromkeys(heard, "PASS"), items
+    assert {verdicts[f"{name}/robot/pose"] for name in here[1:]} == {"PASS"}
+    assert {verdicts[f"zarco/robot/{key}"] for key in ("discovered", "telemetry", "pose", "rates")} == {"INCONCLUSIVE"}
+    assert verdicts["coastal/robot/strangers"] == "PASS"
+    unknown = [name for name in verdicts if name.endswith(("/vpn", "/control-centre"))]
+    assert len(unknown) == 12
+    assert {verdicts[name] for name in unknown} == {"INCONCLUSIVE"}
+    assert "token" not in done.stdout.lower()
+
+
 def test_where_nobody_is_nothing_is_green() -> None:
     done = alone('"$1" robot discover site=coastal for=5s address=127.0.0.1', str(PROVISION))
     assert done.returncode == 6, done.stderr
@@ -77,13 +102,49 @@ def test_no_packet_goes_to_the_addresses_of_examples(words: tuple[str, ...], mes
     assert message in done.stderr
 
 
-def test_every_lie_has_exactly_its_finding() -> None:
+@pytest.fixture(scope="module")
+def lies() -> dict[str, Any]:
+    """What is heard of robots that lie, each in one way."""
     done = alone('"$1" -P "$2" 16', sys.executable, str(HERE / "liars.py"))
     assert done.returncode == 0, done.stderr
-    document = json.loads(done.stdout)
-    robots = document["robots"]
+    document: dict[str, Any] = json.loads(done.stdout)
+    return document
+
+
+EVERYTHING = dict.fromkeys(("discovery", "booleans", "numbers", "pose", "gps", "images"), "INCONCLUSIVE")
+RECORD: dict[str, dict[str, str]] = {
+    "honest": {},
+    "seldom": {"discovery": "FAIL"},
+    "often": {"numbers": "WARN"},
+    "missing_topic": {"booleans": "FAIL"},
+    "wrong_type": {"numbers": "FAIL"},
+    "frozen": {"pose": "WARN"},
+    "stale": {"gps": "FAIL"},
+    "wrong_token": {"discovery": "FAIL"},
+    "other_file": {"discovery": "FAIL"},
+    "twice": {"discovery": "FAIL"},
+    "leaving": {},
+    "away": EVERYTHING,
+    "outside": {"vpn": "FAIL"},
+    "without_configuration": EVERYTHING,
+    "pose_missing": {"pose": "FAIL"},
+    "boolean_silent": {"booleans": "FAIL"},
+    "boolean_stale": {"booleans": "FAIL"},
+    "image_type": {"images": "FAIL"},
+    "image_seldom": {"images": "WARN"},
+    "pose_often": {"pose": "WARN"},
+}
+
+
+def test_a_lie_turns_exactly_its_items_of_the_integration_record(lies: dict[str, Any]) -> None:
+    assert lies["record"] == RECORD
+    assert lies["text"] is False, "no token is told"
+
+
+def test_every_lie_has_exactly_its_finding(lies: dict[str, Any]) -> None:
+    robots = dict(lies["robots"])
     unreadable = [name for name, (state, *codes) in robots.items() if codes == ["configuration-unreadable"]]
-    assert len(unreadable) == 1
+    assert (len(unreadable), lies["unreadable"]) == (1, 2), "two, at one address"
     del robots[unreadable[0]]
     assert robots == {
         "honest": ["declared"],
@@ -97,7 +158,16 @@ def test_every_lie_has_exactly_its_finding() -> None:
         "other_file": ["declared", "configuration-differs"],
         "stranger": ["unknown", "robot-unknown"],
         "twice": ["declared", "namespace-twice"],
+        "leaving": ["declared"],
         "away": ["missing", "robot-missing"],
+        "outside": ["declared"],
+        "without_configuration": ["missing", "configuration-missing"],
+        "pose_missing": ["declared", "topic-missing"],
+        "boolean_silent": ["declared", "topic-silent"],
+        "boolean_stale": ["declared", "topic-stale"],
+        "image_type": ["declared", "topic-type"],
+        "image_seldom": ["declared", "topic-rate-below"],
+        "pose_often": ["declared", "topic-rate-above"],
     }
 
 

@@ -7,10 +7,11 @@ import json
 import sys
 from pathlib import Path
 
+from local_link import LocalLink
+
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.operations.vpn import members
 from atlantis_netcfg.operations.vpn import server as connected
-from atlantis_netcfg.operations.vpn.link import LocalLink
 
 ENTER = ("nsenter", "-t", sys.argv[2], "-m", "-n")
 CRASH = "CRASH"

@@ -20,13 +20,13 @@ from pathlib import Path
 from typing import Self
 
 from live_computer import LOG, Computer
+from local_link import LocalLink
 from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.authority.signer import Signer

@@ -9,6 +9,7 @@ import live_stand
 import pytest
 from hints_said import advised, said
 from live_stand import NAME, Record, Server
+from local_link import LocalLink
 from test_hints_of_vpn import LAPTOP, Laptop, prepared, real
 from vpn_desk import PASSPHRASE
 
@@ -16,7 +17,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils im
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn import server as connected
-from atlantis_netcfg.operations.vpn.link import LocalLink, SshLink
+from atlantis_netcfg.operations.vpn.link import SshLink
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER
 

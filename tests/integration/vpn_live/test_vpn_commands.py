@@ -10,6 +10,7 @@ from typing import Any
 import pyrage
 import pytest
 from live_stand import LOG, NAME, Client, Record, Server
+from local_link import LocalLink
 from vpn_desk import PASSPHRASE, Desk, onboarding, over_a_pipe, seated
 from waiting import wait_until
 
@@ -19,7 +20,6 @@ from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.guests import members_of
 from atlantis_netcfg.operations.vpn import server as connected
-from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity

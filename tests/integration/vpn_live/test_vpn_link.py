@@ -10,6 +10,7 @@ from typing import Any
 import asyncssh
 import pytest
 from live_stand import NAME, Computer
+from local_link import LocalLink
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_serve
 from atlantis_netcfg.core.remote_bundle import build_live
@@ -18,7 +19,6 @@ from atlantis_netcfg.operations.vpn.link import (
     FOLDER,
     AnswerLost,
     HostKeyChanged,
-    LocalLink,
     ServerAway,
     ServerRefused,
     SshLink,

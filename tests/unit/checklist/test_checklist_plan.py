@@ -89,7 +89,8 @@ def test_what_is_beside_the_table_is_not_of_it(coastal: Checklist) -> None:
         assert {item.endpoint for item in of_row if not item.table3} == set(row.beside)
     assert [row.key for row in coastal.rows if "ethernet" in row.beside] == ["eca-rov"]
     assert coastal.rows[-1].kind == "location"
-    assert set(coastal.rows[-1].beside) == {"wifi", "satellite", "4g", "site", "items"}
+    assert set(coastal.rows[-1].beside) == {"wifi", "satellite", "4g", "site", "robot", "items"}
+    assert [row.key for row in coastal.rows if "robot" in row.beside] == [*VEHICLES, "coastal"]
     assert [row.key for row in coastal.rows if "items" in row.beside] == ["mares", "coastal"]
 
 
@@ -200,11 +201,18 @@ def test_no_x_drops_out_whatever_is_declared(
             assert (one.item.kind, one.item.open) == (ItemKind.PERSON, True)
 
 
+ROBOT = ("vpn", "discovered", "control-centre", "telemetry", "pose", "rates")
+
+
 @pytest.mark.parametrize(
     ("scope", "ids", "beyond"),
     [
         (Scope(vehicles=("stork",), endpoints=("gps",)), {"stork/gps"}, "left out by `vehicle=stork endpoint=gps`"),
-        (Scope(vehicles=("eca-rov",)), {"eca-rov/usbl", "eca-rov/ethernet"}, "left out by `vehicle=eca-rov`"),
+        (
+            Scope(vehicles=("eca-rov",)),
+            {"eca-rov/usbl", "eca-rov/ethernet", *(f"eca-rov/robot/{item}" for item in ROBOT)},
+            "left out by `vehicle=eca-rov`",
+        ),
     ],
     ids=["cell", "vehicle"],
 )
@@ -213,14 +221,16 @@ def test_a_scope_narrows_and_says_what_it_leaves_out(
 ) -> None:
     listed = plan(declaration, "coastal", scope)
     assert {one.item.id for one in listed.entries} == ids
-    assert {*listed.beyond, *ids} == {one.item.id for one in coastal.entries} | {"mares/items/rinsed"}
+    later = {name for name in listed.beyond if name.partition("/")[2].startswith("integration/")}
+    assert {name.partition("/")[0] for name in later} == {*VEHICLES}, "each has a record of its own"
+    assert {*listed.beyond, *ids} - later == {one.item.id for one in coastal.entries} | {"mares/items/rinsed"}
     assert {one.why for one in listed.left_out} == {beyond}
     assert {"Mares: GPS", "Coastal testbed: Site"} <= {one.what for one in listed.left_out}
     assert coastal.left_out == ()
 
 
 def test_phases_are_the_whole_together(declaration: Declaration, coastal: Checklist) -> None:
-    parts = [plan(declaration, "coastal", Scope(phases=(phase,))) for phase in Phase if phase is not Phase.RECOVERY]
+    parts = [plan(declaration, "coastal", Scope(phases=(phase,))) for phase in Phase if not phase.is_alone]
     together = [one.item.id for part in parts for one in part.entries]
     assert sorted(together) == sorted(one.item.id for one in coastal.entries)
 
@@ -300,7 +310,7 @@ def test_whatever_is_declared_the_list_is_whole_and_can_be_asked(
         cells = {(each.item.vehicle, each.item.endpoint) for each in listed.entries}
         declared = {("mares", "items"), (None, "items")}
         assert declared < cells
-        assert len(cells - declared) == len(vehicles) * 8 + 9
+        assert len(cells - declared) == len(vehicles) * 9 + 10
         for each in listed.entries:
             asked = each.step.probe.asks() if each.step.probe is not None else ()
             assert len({question.name for question in asked}) == len(asked)

@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
@@ -59,7 +60,7 @@ class Twins:
 
 @pytest.fixture
 def ears(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> NobodyThere:
-    """A rehearsal that starts nothing, and pages that nobody has to draw."""
+    """A rehearsal that starts nothing, of robots without files, and pages that nobody has to draw."""
 
     @contextmanager
     def nothing(*_: object) -> Iterator[Twins]:
@@ -73,7 +74,8 @@ def ears(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> NobodyThere:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.rehearsal", nothing)
-    monkeypatch.setattr(_session, "load", lambda *_, **__: pilot())
+    without_robots = replace(pilot(), root=tmp_path)
+    monkeypatch.setattr(_session, "load", lambda *_, **__: without_robots)
     monkeypatch.setattr(_checklist_session, "listening", nobody)
     monkeypatch.setattr(report, "pages", lambda _document, _files: {"report.html": b"<p>page</p>"}, raising=False)
     return there

@@ -145,6 +145,18 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
         6,
         "mares/items/rinsed",
     ),
+    "integration of nobody": (
+        lambda at: at.type("check", "site=coastal", "phase=integration", code=3),
+        "name it: `provision check site={} vehicle={} phase=integration`",
+        6,
+        "girona500/integration/discovery",
+    ),
+    "integration with others": (
+        lambda at: at.type("check", "site=coastal", "vehicle=sparus", "phase=quay,integration", code=3),
+        "`provision check site={} vehicle={} phase=integration` alone",
+        6,
+        "sparus/integration/discovery",
+    ),
     "recovery is to come": (
         lambda at: at.type("check", "site=coastal", "endpoint=items", code=6),
         (

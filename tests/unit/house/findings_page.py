@@ -31,6 +31,8 @@ SECTIONS = {
     "checklist/probes/rc_rf/": "RC RF",
     "checklist/probes/ethernet": "Ethernet",
     "checklist/probes/ping": "Ethernet",
+    "checklist/probes/robot": "Robots",
+    "robots/": "Robots",
 }
 REST = "Links, and what was not reached"
 HEAD = """\

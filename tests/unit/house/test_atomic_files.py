@@ -22,7 +22,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.eventlog import EventLog
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.journal import Counters, Pins, SiteLock, Usage, unwritable
-from atlantis_netcfg.operations import guests
+from atlantis_netcfg.operations import inventory_files
 from atlantis_netcfg.qualify.judgement import profile as thresholds
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection, write_run
 from atlantis_netcfg.qualify.profile import LinkProfile, write_profile
@@ -89,7 +89,7 @@ WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "journal": ("journal.jsonl", append),
     "report of drift": ("drift.xml", report),
     "profiles of DDS": ("dds.xml", lambda path: cli_declaration._write(path.parent, {path.name: "<profiles/>"})),
-    "guests": ("guests.yml", lambda path: guests._put(path, "guests: {}\n")),
+    "guests": ("guests.yml", lambda path: inventory_files.put(path, "guests: {}\n")),
     "run of a measurement": ("run.json", lambda path: write_run(path.parent, measured())),
     "profile of a link": ("profile.json", lambda path: write_profile(path.parent, EMPTY)),
     "revocation list": ("crl.pem", publish),
@@ -228,7 +228,6 @@ ELSEWHERE = {
     "emulator/routeros/running.py": 1,
     "emulator/ssh.py": 1,
     # Tools of the checkout write its pages, which are in git.
-    "declaration/argument_specs.py": 1,
     "declaration/json_schema.py": 1,
     "declaration/key_reference.py": 1,
     # Programs of a gateway, in Python's standard library alone, in folders of root or new ones.

@@ -3,7 +3,6 @@
 import ast
 import re
 from graphlib import TopologicalSorter
-from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
@@ -56,13 +55,11 @@ def test_imports_go_down_only() -> None:
 
 
 def graph() -> dict[str, set[str]]:
-    """Each module and the modules that it imports at its top, those that only types need included."""
+    """Each module and the modules that it imports anywhere, those that only types or a function need included."""
     files = {path: _dotted(path) for path in PACKAGE.rglob("*.py")}
     found: dict[str, set[str]] = {name: set() for name in files.values()}
     for path, name in files.items():
-        body = ast.parse(path.read_text()).body
-        inner = chain.from_iterable(node.body for node in body if isinstance(node, ast.If))
-        for node in chain(body, inner):
+        for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom):
                 module = _absolute(node, path)
                 names = (f"{module}.{alias.name}" for alias in node.names)

@@ -14,7 +14,8 @@ from atlantis_netcfg.declaration._schema import DEVICES
 from atlantis_netcfg.declaration.model import ControlCentre, Gateway, Model, OperatorStation, SshHost, VpnServer
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.computers.parts import ACCESS, KINDS, PARTS, concerns, perform
+from atlantis_netcfg.operations.computers.desired_state import perform
+from atlantis_netcfg.operations.computers.parts import ACCESS, KINDS, PARTS, concerns
 
 ROOT = Path(__file__).parents[3]
 SHIPPED = load(ROOT / "inventory")

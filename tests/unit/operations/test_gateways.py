@@ -15,7 +15,8 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import SiteBusy, Store
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._watch import Watch
-from atlantis_netcfg.operations.computers.parts import PARTS, fetching, narrowed, perform
+from atlantis_netcfg.operations.computers.desired_state import fetching, narrowed, perform
+from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
 from atlantis_netcfg.operations.site import RunName, SiteRun
 from atlantis_netcfg.report.drift import drift_lines
@@ -198,7 +199,7 @@ def test_a_plan_locks_and_journals_nothing(tmp_path: Path, listener: Listener) -
 def test_a_site_on_which_somebody_works_is_refused_by_the_next_task(
     real_watch: Watch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("atlantis_netcfg.operations.computers.parts.refuse_examples", lambda *_, **_named: None)
+    monkeypatch.setattr("atlantis_netcfg.operations.computers.desired_state.refuse_examples", lambda *_, **_named: None)
     with Store(tmp_path).lock("coastal", "provision site=coastal"):
         real_watch.begin([HOST])
     with pytest.raises(SiteBusy, match="provision site=coastal"):

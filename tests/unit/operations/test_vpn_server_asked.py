@@ -10,7 +10,8 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.computers.parts import PARTS, concerns, perform, refuse_unfounded
+from atlantis_netcfg.operations.computers.desired_state import perform
+from atlantis_netcfg.operations.computers.parts import PARTS, concerns, refuse_unfounded
 from atlantis_netcfg.operations.request import Mode, Request, Target
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import ServerNames

@@ -12,7 +12,8 @@ from checklist_strategies import HOSTILE, documents, hostile
 from hypothesis import HealthCheck, given, settings
 
 from atlantis_netcfg.checklist.report import Document, ItemFinding, lines
-from atlantis_netcfg.checklist.report._pages import html, junit
+from atlantis_netcfg.checklist.report._junit import junit
+from atlantis_netcfg.checklist.report._pages import html
 from atlantis_netcfg.checklist.report._shapes import grid
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict

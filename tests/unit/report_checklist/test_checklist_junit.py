@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 import checklist_example as made
 
 from atlantis_netcfg.checklist.report import Document
-from atlantis_netcfg.checklist.report._pages import junit
+from atlantis_netcfg.checklist.report._junit import junit
 
 
 def read(document: Document) -> ET.Element:

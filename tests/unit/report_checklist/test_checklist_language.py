@@ -10,7 +10,8 @@ from checklist_html import Element, parsed, safe
 from checklist_marks import marked, rest_of, without_marks
 
 from atlantis_netcfg.checklist.report import Document, Evidence, EvidenceType, lines
-from atlantis_netcfg.checklist.report._pages import html, junit
+from atlantis_netcfg.checklist.report._junit import junit
+from atlantis_netcfg.checklist.report._pages import html
 from atlantis_netcfg.checklist.report._pdf import pdf
 from atlantis_netcfg.checklist.report._pdf._sheet import _all_glyphs
 from atlantis_netcfg.checklist.report._shapes import ShownState

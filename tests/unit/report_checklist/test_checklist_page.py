@@ -9,7 +9,8 @@ import pytest
 from checklist_html import Page, holds, parsed, safe
 
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Row, lines
-from atlantis_netcfg.checklist.report._pages import html, junit
+from atlantis_netcfg.checklist.report._junit import junit
+from atlantis_netcfg.checklist.report._pages import html
 from atlantis_netcfg.core.events import Verdict
 
 

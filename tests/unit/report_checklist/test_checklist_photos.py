@@ -6,8 +6,8 @@ import checklist_example as made
 import pytest
 from PIL import Image
 
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, _pages
-from atlantis_netcfg.checklist.report._pages import Attached, attached
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, _photos
+from atlantis_netcfg.checklist.report._photos import Attached, attached
 
 
 def picture(kind: str, width: int = 40, height: int = 30, **more: object) -> bytes:
@@ -83,14 +83,14 @@ def test_whatever_is_no_picture_is_named(data: bytes) -> None:
 
 
 def test_a_picture_that_would_fill_the_memory_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_pages, "MAX_PIXELS", 1000)
+    monkeypatch.setattr(_photos, "MAX_PIXELS", 1000)
     assert kept(picture("PNG")).photo is None
-    monkeypatch.setattr(_pages, "MAX_PIXELS", 1200)
+    monkeypatch.setattr(_photos, "MAX_PIXELS", 1200)
     assert kept(picture("PNG")).photo is not None
 
 
 def test_too_many_pictures_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_pages, "ALL_BYTES", 10)
+    monkeypatch.setattr(_photos, "ALL_BYTES", 10)
     one = kept(picture("PNG"))
     assert one.photo is None
     assert one.words.endswith("; not shown, there are too many pictures")

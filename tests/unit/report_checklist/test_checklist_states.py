@@ -8,7 +8,8 @@ import pytest
 from checklist_html import parsed
 
 from atlantis_netcfg.checklist.report import Item, ItemKind, Override, lines
-from atlantis_netcfg.checklist.report._pages import html, junit
+from atlantis_netcfg.checklist.report._junit import junit
+from atlantis_netcfg.checklist.report._pages import html
 from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, SYMBOLS, ShownState, state, worst_state
 from atlantis_netcfg.checklist.report._texts import KINDS
 from atlantis_netcfg.core.errors import ExitCode

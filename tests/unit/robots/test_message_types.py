@@ -49,7 +49,10 @@ def test_what_is_written_is_what_ros_reads(kind: TopicKind) -> None:
 def test_every_part_of_the_report_s_actions_has_a_type() -> None:
     types = MessageTypes(INTERFACES)
     actions = ("CommandBool", "CommandNumeric", "CommandPath", "CommandPlain", "CommandWaypoint", "ExecutePlan")
-    names = [f"c4i_asset_msgs/action/{name}_{part}" for name in actions for part in ("Goal", "Result", "Feedback")]
+    parts = ("Goal", "Result", "Feedback", "FeedbackMessage")
+    sent = [f"{service}_{part}" for service in ("SendGoal", "GetResult") for part in ("Request", "Response")]
+    names = [f"c4i_asset_msgs/action/{name}_{part}" for name in actions for part in (*parts, *sent)]
+    names += ["action_msgs/srv/CancelGoal_Request", "action_msgs/srv/CancelGoal_Response"]
     assert set(names) <= set(types.names())
     assert [types.idl(name).__idl_typename__ for name in names] == [dds_type_name(name) for name in names]
 
@@ -58,8 +61,12 @@ def test_names_go_both_ways() -> None:
     assert dds_type_name("std_msgs/msg/String") == "std_msgs::msg::dds_::String_"
     assert ros_type_name("std_msgs::msg::dds_::String_") == "std_msgs/msg/String"
     assert ros_type_name("HelloWorld") is None
-    assert [topic_name(name) for name in ("rt/sparus/pose", "rq/sparus/goRequest", "other")] == [
+    assert [
+        topic_name(name)
+        for name in ("rt/sparus/pose", "rt/sparus/go_to/_action/status", "rq/sparus/goRequest", "other")
+    ] == [
         "/sparus/pose",
+        None,
         None,
         None,
     ]
@@ -84,5 +91,10 @@ def test_a_definition_that_is_none_is_refused(file: str, text: str, words: str, 
 
 
 def test_a_type_that_nobody_has_defined_is_named() -> None:
-    with pytest.raises(UsageError, match="the type c4i_asset_msgs/msg/Nothing is not known"):
-        MessageTypes(INTERFACES).empty("c4i_asset_msgs/msg/Nothing")
+    for name, file in (
+        ("msg/Nothing", "msg/Nothing.msg"),
+        ("action/Nothing_SendGoal_Request", "action/Nothing.action"),
+    ):
+        with pytest.raises(UsageError, match=f"the type c4i_asset_msgs/{name} is not known") as refusal:
+            MessageTypes(INTERFACES).empty(f"c4i_asset_msgs/{name}")
+        assert refusal.value.hint == f"put its file into robots/interfaces/c4i_asset_msgs/{file} of the inventory"

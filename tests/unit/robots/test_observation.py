@@ -9,12 +9,21 @@ from hints_said import advised, said
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration._yaml import SealedSecret
+from atlantis_netcfg.declaration.model.robot import PublishedTopic, Telemetry, Topic, TopicKind
 from atlantis_netcfg.declaration.robots import reading
 from atlantis_netcfg.declaration.robots.key_names import KeyNames
 from atlantis_netcfg.operations.robots import ending, seconds_of
 from atlantis_netcfg.robots.mock import RATES_HZ
-from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, RobotState, judge
+from atlantis_netcfg.robots.observation import (
+    HeardConfiguration,
+    HeardWriter,
+    Observation,
+    RobotState,
+    judge,
+    topic_findings,
+)
 
 SECONDS = 30.0
 Change = Callable[[Observation], None]
@@ -67,6 +76,7 @@ CHANGES: dict[str, Change] = {
     "topic-stale": lambda seen: setattr(of(seen, "fix"), "stamp_age_s", -61.0),
     "topic-rate-above": lambda seen: setattr(of(seen, "depth"), "last_s", 3.0),
     "topic-rate-below": lambda seen: setattr(of(seen, "depth"), "last_s", 300.0),
+    "topic-rate-unknown": lambda seen: setattr(of(seen, "depth"), "messages", 2),
     "configuration-rate": lambda seen: setattr(seen.configurations[0].writer, "last_s", 6.0),
     "configuration-rate-unknown": lambda seen: setattr(seen.configurations[0].writer, "messages", 2),
     "token": lambda seen: replace_text(seen, "EXAMPLE-sparus-token", "another"),
@@ -132,6 +142,30 @@ def test_a_stranger_and_a_robot_that_is_away_are_not_green() -> None:
     ]
     assert "did it mean `sparus`?" in reports[1].findings[0].message
     assert ending(reports, observation) == 6
+
+
+def test_telemetry_without_a_configuration_is_nobodys() -> None:
+    observation = heard()
+    observation.configurations.clear()
+    (report,) = judge(observation, [source()], ["sparus"], KeyNames())
+    assert [(each.verdict, each.code, each.message) for each in report.findings] == [
+        (
+            Verdict.INCONCLUSIVE,
+            "configuration-missing",
+            "somebody publishes /sparus/pose, and no configuration of it was heard",
+        )
+    ]
+    assert ending([report], observation) == ExitCode.CHECKS_FAILED
+
+
+def test_a_point_cloud_that_comes_seldom_keeps_to_its_guideline() -> None:
+    topic = PublishedTopic("/sparus/cloud", TopicKind.POINT_CLOUD, TopicKind.POINT_CLOUD.message_type, ())
+    row = writer(topic.name, topic.message_type, 0.05)
+    robot = source().robot
+    assert robot is not None
+    clouds = robot.model_copy(update={"telemetry": Telemetry(point_clouds=(Topic(topic=topic.name),))})
+    seen = Observation(SECONDS, writers=[*heard().writers, row])
+    assert [*topic_findings(clouds, seen.writers, seen)] == []
 
 
 def test_who_speaks_in_another_domain_is_told_where_a_robot_is_missing() -> None:

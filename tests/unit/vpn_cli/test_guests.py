@@ -21,7 +21,7 @@ from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Guest
-from atlantis_netcfg.operations import guests
+from atlantis_netcfg.operations import guests, inventory_files
 from atlantis_netcfg.operations.vpn.members import Onboarding
 from atlantis_netcfg.operations.vpn.server import Deployed
 from atlantis_netcfg.vpn.authority.authority import Authority
@@ -235,7 +235,7 @@ def test_a_kill_while_it_ends_is_completed(quay: Quay, step: str, monkeypatch: p
         raise _KilledError
 
     with monkeypatch.context() as patch:
-        patch.setattr(guests, step, killed)
+        patch.setattr(inventory_files if step == "write" else guests, step, killed)
         with pytest.raises(_KilledError):
             quay.end()
     assert "ended here, and the server does not know it yet; it is not declared" in quay.end()

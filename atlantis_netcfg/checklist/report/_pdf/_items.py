@@ -1,13 +1,4 @@
-"""All items on paper, row by row, with what they stand on.
-
-Lists on paper: what to mend first, what was overridden, what has changed, what was not checked or rehearsed.
-
-The first lines: what it is, how it ended, who vouches for it; and the last ones: what it was made from.
-
-Table 3 on paper: each cell by colour, sign, word and edge; what is beside the table in dashes and brackets.
-
-The site's drawing on paper, from the same shapes as the page's.
-"""
+"""The report on paper: its first and last lines, Table 3, the drawing, and all items with what they stand on."""
 
 from __future__ import annotations
 
@@ -15,8 +6,8 @@ import io
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report import _words as words
-from atlantis_netcfg.checklist.report._pages import Attached, Photo, attached
 from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Sheet, printable
+from atlantis_netcfg.checklist.report._photos import Attached, Photo, attached
 from atlantis_netcfg.checklist.report._shapes import BADGE_HEIGHT, SYMBOLS, ShownState, cut, grid, state
 from atlantis_netcfg.checklist.report._svg import layout
 from atlantis_netcfg.checklist.report._texts import (

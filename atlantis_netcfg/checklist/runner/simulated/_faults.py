@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.checklist.runner.simulated import robots
 from atlantis_netcfg.checklist.runner.simulated._world import added, apart, changed, hushed, refitted, set_clock
 from atlantis_netcfg.emulator.gnss import GnssAccess, Speech
 from atlantis_netcfg.emulator.linux import (
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from atlantis_netcfg.checklist.runner.simulated._world import Act, World
+    from atlantis_netcfg.robots.observation import Observation
 
 
 @dataclass(frozen=True, slots=True)
@@ -513,5 +515,69 @@ _LINKS: Mapping[str, RehearsedFault] = {
     ),
 }
 
-FAULTS = {**VEHICLE_FAULTS, **_LINKS, **GATEWAY_FAULTS, **ROUTER_FAULTS}
+_DISCOVERED = ("robot/discovered", "robot/control-centre")
+_PUBLISHED = ("robot/telemetry", "robot/pose", "robot/rates")
+
+
+def _robot(vehicle: str, change: Callable[[Observation, str], None]) -> Callable[[World], None]:
+    return lambda world: world.robots.change(vehicle, change)
+
+
+def _turns(vehicle: str, *items: str) -> tuple[str, ...]:
+    return tuple(f"{vehicle}/{item}" for item in items)
+
+
+_ROBOTS: Mapping[str, RehearsedFault] = {
+    "robot-away": RehearsedFault(
+        "the interface of Sparus is not started",
+        _turns("sparus", *_DISCOVERED, *_PUBLISHED),
+        _robot("sparus", robots.away),
+    ),
+    "robot-not-at-centre": RehearsedFault(
+        "nothing of Mares reaches the control centre",
+        ("mares/robot/control-centre",),
+        lambda world: robots.away(world.robots.centre, "mares"),
+    ),
+    "robot-not-in-vpn": RehearsedFault(
+        "OpenVPN is not started on Stork",
+        ("stork/robot/vpn",),
+        lambda world: world.robots.members.update(stork=replace(world.robots.members["stork"], session="")),
+    ),
+    "robot-token": RehearsedFault(
+        "a robot that calls itself Stork has another token",
+        _turns("stork", *_DISCOVERED),
+        _robot("stork", robots.says("EXAMPLE-stork-token", "EXAMPLE-another")),
+    ),
+    "robot-other-file": RehearsedFault(
+        "the ECA ROV publishes another configuration than its file",
+        _turns("eca-rov", *_DISCOVERED),
+        _robot("eca-rov", robots.says("label: Leak", "label: Water")),
+    ),
+    "robot-twice": RehearsedFault(
+        "two robots call themselves Zarco", _turns("zarco", *_DISCOVERED), _robot("zarco", robots.twice)
+    ),
+    "robot-stranger": RehearsedFault(
+        "a robot that nobody has declared introduces itself",
+        ("SITE/robot/strangers",),
+        _robot("sparus", robots.stranger),
+    ),
+    "robot-topic-missing": RehearsedFault(
+        "Sparus does not publish its leak sensor",
+        ("sparus/robot/telemetry",),
+        _robot("sparus", robots.without("/leak")),
+    ),
+    "robot-frozen": RehearsedFault(
+        "the pose of Mares is always the same", ("mares/robot/pose",), _robot("mares", robots.frozen("/pose"))
+    ),
+    "robot-stale": RehearsedFault(
+        "the positions of Zarco are a minute old", ("zarco/robot/pose",), _robot("zarco", robots.stale("/fix"))
+    ),
+    "robot-rate": RehearsedFault(
+        "Girona 500 publishes its depth 20 times a second",
+        ("girona500/robot/rates",),
+        _robot("girona500", robots.at_rate("/depth", 20.0)),
+    ),
+}
+
+FAULTS = {**VEHICLE_FAULTS, **_ROBOTS, **_LINKS, **GATEWAY_FAULTS, **ROUTER_FAULTS}
 """Name to fault; they may be put together."""

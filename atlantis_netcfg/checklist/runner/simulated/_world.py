@@ -18,6 +18,7 @@ from atlantis_netcfg.checklist.probes.bearer_probe import reserved_mac
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
 from atlantis_netcfg.checklist.probes.site_checks.data_reaches import far_computers
 from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
+from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.declaration.model import (
     AcousticDriver,
     Column,
@@ -379,6 +380,7 @@ class World:
     """Router to what stands around it."""
     links: dict[str, MeasuredLink] = field(default_factory=dict)
     """Link to what `provision qualify` would have measured."""
+    robots: SimulatedRobots = field(default_factory=SimulatedRobots)
     acts: list[Act] = field(default_factory=list)
     """What is done to the RouterOS twins when all stands, in this order; taken back at the end."""
 
@@ -418,6 +420,7 @@ def healthy(declaration: Declaration, site: str) -> World:
             world.routers[host.name] = surroundings(declaration, host)
     for bearer in declaration.sites[site].bearers if declaration.pilot.qualify is not None else ():
         world.links[bearer.name] = MeasuredLink(bearer.name, bearer.kind)
+    world.robots = SimulatedRobots.honest(declaration, site)
     for key in vehicles:
         cell = Cell(declaration, site, key, "gps")
         world.receivers.update(_receiver(cell))

@@ -11,7 +11,7 @@ import os
 import shlex
 import time
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
@@ -31,11 +31,13 @@ from atlantis_netcfg.checklist.probes import (
     Reflected,
     ReflectRequest,
     ReflectResult,
+    RobotsHeardRequest,
     RouterAdvertisements,
     RouterSolicitRequest,
     RunProgram,
     Transcript,
     Trouble,
+    VpnMembersRequest,
 )
 from atlantis_netcfg.checklist.probes.step import DhcpOffer, RouterAdvertisement
 from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
@@ -49,6 +51,7 @@ from atlantis_netcfg.checklist.runner.simulated._world import (
     clock_words,
     healthy,
 )
+from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac
@@ -79,6 +82,7 @@ class RehearsedEars:
     site: str
     links: Mapping[str, MeasuredLink]
     """What would have been measured of each link."""
+    robots: SimulatedRobots = field(default_factory=SimulatedRobots)
 
     async def ask(self, place: Place, host: str | None, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
@@ -116,6 +120,8 @@ class RehearsedEars:
         return None if stand is None else replace(question, **stand.place())
 
     def _answer(self, question: Question) -> Answer:
+        if isinstance(question, RobotsHeardRequest | VpnMembersRequest):
+            return self.robots.answer(question)
         return self._measured(question) if isinstance(question, LinkRecordRequest) else self._of_computer(question)
 
     def _of_computer(self, question: Question) -> Answer:
@@ -251,7 +257,9 @@ def rehearsed_ears(
     request = Request(state=state_dir(), mode=Mode.DRIFT, rehearsed=True, targets=rehearsal.targets, accept_cost=True)
     with _routers(declaration, world, rehearsal), standing(world) as stands:
         computer = None if world.computer is None else Computer(world.computer)
-        yield RehearsedEars(RealEars(declaration, site, request, ignore), computer, stands, site, world.links)
+        yield RehearsedEars(
+            RealEars(declaration, site, request, ignore), computer, stands, site, world.links, world.robots
+        )
 
 
 @contextmanager

@@ -268,15 +268,13 @@ class _Runner:
             raise
 
     def _done(self, command: MenuCommand) -> tuple[str, list[str]]:
-        from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch  # noqa: PLC0415 - scripts run commands that run scripts
-
         arguments = {name: self._argument(value) for name, value in command.arguments.items()}
         for name in _NUMBERS & set(arguments) if self.width is not None else ():
             arguments[name] = self._numbered(command.menu, arguments[name])
         call = Call(self.caller, command.menu, command.name, arguments, tuple(command.unset), console=True)
         if command.name == "print":
             return self._print(call, command.where)
-        result = dispatch(self.core, call)
+        result = self.core.dispatch(self.core, call)
         if "as-value" in arguments:
             return _as_value(result.rows), []
         return result.ret or "", [*result.text.splitlines(), *reported(call.command, result.rows)]

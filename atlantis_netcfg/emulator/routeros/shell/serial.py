@@ -13,9 +13,9 @@ import tty
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
+from atlantis_netcfg.emulator.routeros.shell._work import Gone
 from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Screen, split_login
 from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession, DirectTalk
-from atlantis_netcfg.emulator.routeros.shell.ssh import Gone
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.device import Device, Printed

@@ -6,7 +6,7 @@ import posixpath
 import stat
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import asyncssh
 
@@ -15,9 +15,25 @@ from atlantis_netcfg.emulator.routeros.answers import Trap
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
+    from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.device import Device
-    from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
+    from atlantis_netcfg.emulator.routeros.shell._work import WorkItem
     from atlantis_netcfg.emulator.routeros.wire.link import LinkFault
+
+
+class _SftpConnection(Protocol):
+    @property
+    def device(self) -> Device: ...
+
+    @property
+    def labour(self) -> WorkItem: ...
+
+    @property
+    def over(self) -> bool: ...
+
+    def caller(self) -> Caller: ...
+
+    def left(self, caller: Caller) -> None: ...
 
 
 @dataclass(slots=True)
@@ -31,7 +47,7 @@ class _Handle:
 class Sftp(asyncssh.SFTPServer):
     """One SFTP or SCP channel."""
 
-    def __init__(self, chan: asyncssh.SSHServerChannel[bytes], connection: SshConnection) -> None:
+    def __init__(self, chan: asyncssh.SSHServerChannel[bytes], connection: _SftpConnection) -> None:
         super().__init__(chan)
         self._channel = chan
         self._connection = connection

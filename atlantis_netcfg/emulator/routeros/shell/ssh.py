@@ -1,17 +1,7 @@
-"""SSH to an emulated router: the connection, its channels, its host key.
+"""SSH to an emulated router: asyncssh behind the same pipe that carries the API.
 
-The router's end of one SSH connection: asyncssh behind the same pipe that carries the API.
-
-Link, faults, firewall and counters act on the bytes between; what is encrypted in them is counted as it passes, and
-round trips of the key exchange count like all others.
-
-One session channel of an SSH connection: an interactive console, or one command.
-
-One line of work on a connection: counted, kept waiting, run, and spoilt by the faults that were armed for it.
-
-The SSH host key of a twin: made when it is first needed, kept on its flash.
-
-It is Ed25519, which is quickly made; a device has an RSA key unless `/ip/ssh host-key-type` says otherwise.
+Link, faults, firewall and counters act on the encrypted bytes. The host key is Ed25519, made when it is first needed
+and kept on the flash; a real device has an RSA key unless `/ip/ssh host-key-type` says otherwise.
 """
 
 from __future__ import annotations
@@ -21,8 +11,7 @@ import base64
 import hashlib
 import logging
 import socket
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import asyncssh
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -36,91 +25,18 @@ from cryptography.hazmat.primitives.serialization import (
 
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
-from atlantis_netcfg.emulator.routeros.device import Device, Printed
+from atlantis_netcfg.emulator.routeros.shell._work import Gone, WorkItem
 from atlantis_netcfg.emulator.routeros.shell.keys import Screen, split_login
 from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession
+from atlantis_netcfg.emulator.routeros.shell.sftp import Sftp
 from atlantis_netcfg.emulator.routeros.wire.host import Pipe, RouterHost
-from atlantis_netcfg.emulator.routeros.wire.link import Chunk, FaultKind, LineEnd, LinkFault, TrafficCounters, masked
+from atlantis_netcfg.emulator.routeros.wire.link import Chunk, LineEnd, TrafficCounters
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine, Sequence
+    from collections.abc import Callable, Coroutine
     from pathlib import Path
 
-
-class Gone(Exception):
-    """The connection under the work has ended: nothing more is to be done for it."""
-
-
-class _PipeTransport(Protocol):
-    tally: TrafficCounters
-
-    @property
-    def over(self) -> bool: ...
-
-    def drop(self) -> None: ...
-
-    def vanish(self) -> None: ...
-
-
-class WorkItem:
-    """The gate between a channel and the device."""
-
-    def __init__(self, host: RouterHost, wire: _PipeTransport) -> None:
-        self._host = host
-        self._wire = wire
-
-    async def run(self, line: str, action: Callable[[], Printed]) -> Printed:
-        """Run `action`, which the client asked for by `line`. Raises Gone; hangs for ever if a fault says so."""
-        faults = await self.begin(line)
-        printed = action()
-        await self.end(faults)
-        return _spoilt(faults, printed)
-
-    async def begin(self, line: str) -> list[LinkFault]:
-        """What comes before the work."""
-        self._wire.tally.counters.sentences += 1
-        self._wire.tally.sentences.append(masked((line,)))
-        faults = self._host.upon(line)
-        await self._suffer(faults, "before")
-        await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
-        self._check()
-        return faults
-
-    async def end(self, faults: Sequence[LinkFault]) -> None:
-        """What comes between the work and its answer."""
-        await self._host.settle()
-        self._host.tell()
-        await self._suffer(faults, "after")
-        self._check()
-
-    def _check(self) -> None:
-        if self._wire.over:
-            raise Gone
-
-    async def _suffer(self, faults: Sequence[LinkFault], when: str) -> None:
-        for fault in faults:
-            if fault.when != when:
-                continue
-            if fault.do is FaultKind.DROP:
-                self._wire.drop()
-            elif fault.do is FaultKind.VANISH:
-                self._wire.vanish()
-            elif fault.do is FaultKind.HANG:
-                await asyncio.Event().wait()
-            else:
-                self._host.strike(fault)
-
-
-def _spoilt(faults: Sequence[LinkFault], printed: Printed) -> Printed:
-    text = printed.text
-    for fault in faults:
-        at = fault.offset
-        if fault.do is FaultKind.TRUNCATE:
-            return Printed(text[: len(text) // 2 if at is None else at], over=True)
-        if fault.do is FaultKind.GARBAGE:
-            garbage = bytes.fromhex(fault.data).decode(errors="surrogateescape")
-            return replace(printed, text=text[: at or 0] + garbage + text[at or 0 :])
-    return printed
+    from atlantis_netcfg.emulator.routeros.device import Device, Printed
 
 
 _VERSION = "ROSSSH"
@@ -209,8 +125,6 @@ class SshConnection:
 
     def _options(self) -> dict[str, Any]:
         import asyncssh  # noqa: PLC0415
-
-        from atlantis_netcfg.emulator.routeros.shell.sftp import Sftp  # noqa: PLC0415
 
         def start(
             stdin: asyncssh.SSHReader[bytes], stdout: asyncssh.SSHWriter[bytes], _: asyncssh.SSHWriter[bytes]

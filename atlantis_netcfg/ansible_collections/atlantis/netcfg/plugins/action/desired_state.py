@@ -25,7 +25,7 @@ class ActionModule(EngineAction):
     @staticmethod
     def perform(requested: TaskRequest) -> Mapping[str, Any]:
         """Look it up in the declaration; refuse what this run may not do."""
-        from atlantis_netcfg.operations.computers.parts import perform  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.computers.desired_state import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
         return perform(
             requested.inventory, requested.hosts, requested.request, requested.part, plan_only=requested.plan_only

@@ -7,13 +7,24 @@ names are offered to a person, and no command relies on them.
 from __future__ import annotations
 
 from contextlib import suppress
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import Values
-
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+
+class Values(Enum):
+    """What the values of a word are, where the inventory or this laptop knows them: completion and hints offer them."""
+
+    SITE = "sites"
+    HOST = "hosts"
+    VEHICLE = "vehicles"
+    PARTNER = "partners"
+    RUN = "runs"
+    RUN_OR_LATEST = "runs, or `latest`"
+
 
 _ANY = "*"
 _SITES = ("all", "children", "sites", "children")

@@ -1,0 +1,112 @@
+"""The integration record of a robot: the tests of the report's 4.1.2 to 4.5.2, once for each robot.
+
+What a program can hear is probed; the rest a person has done, and confirms. Nothing is sent to a robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist.probes.robot import (
+    discovery_step,
+    pose_of_the_library,
+    topics_step,
+    unreadable,
+    vpn_step,
+)
+from atlantis_netcfg.checklist.probes.step import EvidenceRequest, Step
+from atlantis_netcfg.checklist.report import ItemKind, Phase
+from atlantis_netcfg.declaration.model import EvidenceKind
+from atlantis_netcfg.declaration.model.robot import TopicKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.declaration.model.robot import RobotFile
+
+_TOPICS: Mapping[TopicKind, tuple[str, str]] = {
+    TopicKind.BOOLEAN: ("booleans", "Its booleans are heard, as they should be"),
+    TopicKind.NUMBER: ("numbers", "Its numbers are heard, as they should be"),
+    TopicKind.POSE: ("pose", "Its pose is heard, as it should be, and moves"),
+    TopicKind.GPS: ("gps", "Its position is heard, as it should be, and moves"),
+    TopicKind.IMAGE: ("images", "Its images are heard, as they should be"),
+    TopicKind.POINT_CLOUD: ("point-clouds", "Its point clouds are heard, as they should be"),
+}
+
+
+def steps(cell: Cell) -> tuple[Step, ...]:
+    """Everything of one robot, in the report's order."""
+    if cell.robots is None or cell.vehicle is None:
+        return ()
+    source = cell.robots.sources.get(cell.vehicle)
+    every = [replace(unreadable(cell), name="discovery")] if source is None else _of(cell, source.robot)
+    return tuple(replace(step, phase=Phase.INTEGRATION) for step in every)
+
+
+def _of(cell: Cell, robot: RobotFile | None) -> Iterator[Step]:
+    assert robot is not None  # noqa: S101 - its file is good
+    yield vpn_step("vpn", cell)
+    yield discovery_step("discovery", cell)
+    kinds = {topic.kind for topic in robot.topics()}
+    for kind, (name, title) in _TOPICS.items():
+        if kind in kinds:
+            yield topics_step(name, title, cell, kind)
+        elif kind is TopicKind.POSE:
+            yield pose_of_the_library(name, Phase.INTEGRATION)
+    if robot.video:
+        yield _by_a_person(
+            "video",
+            "Its video is seen at the control centre",
+            "Open every video of the robot on the screen of an operator.",
+            "Each shows what its camera sees now: something that is moved before it moves on the screen.",
+        )
+    yield from _BY_PEOPLE
+    if any(True for _ in robot.every_command()):
+        yield _by_a_person(
+            "commands",
+            "Its commands are carried out",
+            "Give each command of the robot once from the screen of an operator, in a place where it may move.",
+            "The robot does what the command says, and its result is shown. The note says which were given.",
+        )
+
+
+def _by_a_person(name: str, title: str, do: str, look_for: str) -> Step:
+    return Step(
+        name=name,
+        title=title,
+        kind=ItemKind.PERSON,
+        phase=Phase.INTEGRATION,
+        do=do,
+        look_for=look_for,
+        evidence=EvidenceRequest(EvidenceKind.TEXT),
+    )
+
+
+_BY_PEOPLE = (
+    _by_a_person(
+        "ros1-bridge",
+        "Its topics come over the bridge from ROS 1",
+        "Of a robot of ROS 1: start the bridge, and look at its topics in ROS 2. Of a robot of ROS 2: skip this.",
+        "What the robot publishes in ROS 1 is seen in ROS 2. The note says by which bridge.",
+    ),
+    _by_a_person(
+        "bag-record",
+        "A bag of its telemetry and configuration is recorded",
+        "Record its topics and its configuration on the robot while it moves, for a minute.",
+        "The bag holds messages of each topic. The note says where it is, and how many messages it has.",
+    ),
+    _by_a_person(
+        "bag-replay",
+        "The bag is replayed to the control centre",
+        "Play the bag at the control centre, with the robot switched off.",
+        "The robot is discovered from it, and its telemetry is shown. The note says from which bag.",
+    ),
+    _by_a_person(
+        "plan",
+        "A mission plan is sent, and its execution is followed",
+        "Send a plan from the screen of an operator, in a place where the robot may move. This program sends none.",
+        "Its steps are shown as they are carried out, and it ends. The note says which plan.",
+    ),
+)

@@ -1,0 +1,367 @@
+"""What a robot publishes, beside its file: heard here and at the control centre, and its own place in the VPN.
+
+All items of a list share one listening. Each finding (`robots/observation.py`) belongs to exactly one item.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.checklist.probes.step import (
+    Answer,
+    Cell,
+    Judged,
+    Question,
+    RobotsHeardRequest,
+    RobotsHeardResult,
+    Step,
+    VpnMembersRequest,
+    VpnMembersResult,
+    measured,
+    read,
+    unasked,
+)
+from atlantis_netcfg.checklist.report import ItemKind, Phase
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration.model import ControlCentre
+from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.robots.observation import RobotState, topic_findings
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
+    from atlantis_netcfg.checklist.report import Evidence
+    from atlantis_netcfg.declaration.model.robot import PublishedTopic
+    from atlantis_netcfg.robots.observation import HeardWriter, Observation, RobotReport
+
+
+class RobotItem(StrEnum):
+    """The items to which findings belong, by the last part of their ids."""
+
+    DISCOVERED = "discovered"
+    TELEMETRY = "telemetry"
+    POSE = "pose"
+    RATES = "rates"
+    STRANGERS = "strangers"
+
+
+ITEM_OF: Mapping[str, RobotItem] = {
+    "robot-missing": RobotItem.DISCOVERED,
+    "configuration-missing": RobotItem.DISCOVERED,
+    "configuration-rate": RobotItem.DISCOVERED,
+    "configuration-rate-unknown": RobotItem.DISCOVERED,
+    "configuration-differs": RobotItem.DISCOVERED,
+    "token": RobotItem.DISCOVERED,
+    "namespace-twice": RobotItem.DISCOVERED,
+    "topic-missing": RobotItem.TELEMETRY,
+    "topic-silent": RobotItem.TELEMETRY,
+    "topic-type": RobotItem.TELEMETRY,
+    "topic-unread": RobotItem.TELEMETRY,
+    "topic-stale": RobotItem.TELEMETRY,
+    "topic-frozen": RobotItem.POSE,
+    "topic-rate-above": RobotItem.RATES,
+    "topic-rate-below": RobotItem.RATES,
+    "topic-rate-unknown": RobotItem.RATES,
+    "robot-unknown": RobotItem.STRANGERS,
+    "configuration-unreadable": RobotItem.STRANGERS,
+}
+"""Code of a finding to its item; what telemetry finds of a pose or a position belongs to the pose."""
+MOVING: Final = frozenset(kind for kind in TopicKind if kind.moves)
+_LONGER = "listen longer: `for=60s`"
+_TITLES: Mapping[RobotItem, str] = {
+    RobotItem.TELEMETRY: "Its telemetry is heard",
+    RobotItem.POSE: "Its pose and position are heard, and move",
+    RobotItem.RATES: "It publishes as often as the report says",
+}
+
+
+def item_of(code: str, kind: TopicKind) -> RobotItem:
+    """The item to which a finding about a topic belongs."""
+    item = ITEM_OF[code]
+    return RobotItem.POSE if item is RobotItem.TELEMETRY and kind.moves else item
+
+
+def steps(cell: Cell) -> tuple[Step, ...]:
+    """One step for each thing that a control centre needs of a robot; of the location, that no stranger is heard."""
+    if cell.robots is None:
+        return ()
+    if cell.vehicle is None:
+        return (_automatic("strangers", "Only robots of the inventory introduce themselves", _Strangers(cell.robots)),)
+    if cell.vehicle not in cell.robots.sources:
+        return (unreadable(cell),)
+    return (
+        vpn_step("vpn", cell),
+        discovery_step("discovered", cell),
+        _at_the_centre(cell),
+        _topics_step(cell, RobotItem.TELEMETRY, frozenset(TopicKind) - MOVING),
+        _topics_step(cell, RobotItem.POSE, MOVING),
+        _topics_step(cell, RobotItem.RATES, frozenset(TopicKind)),
+    )
+
+
+def _automatic(
+    name: str, title: str, probe: _VpnOfRobot | _Discovered | _TopicsHeard | _Strangers | _BrokenFile, unless: str = ""
+) -> Step:
+    phase = Phase.QUAY if name == RobotItem.POSE else Phase.BENCH
+    return Step(name, title, ItemKind.AUTOMATIC, phase, None if unless else probe, unless=unless)
+
+
+def unreadable(cell: Cell) -> Step:
+    """The only step of a robot whose file has errors: what it should publish is not known."""
+    return _automatic("discovered", "It is discovered, and is as its file says", _BrokenFile(cell.row))
+
+
+def vpn_step(name: str, cell: Cell) -> Step:
+    """Its own member of the VPN, if it has one."""
+    behind = cell.site if cell.address(None) is not None else ""
+    return _automatic(name, "Its member of the VPN is connected", _VpnOfRobot(cell.row, cell.name, behind))
+
+
+def discovery_step(name: str, cell: Cell, host: str = "") -> Step:
+    """It introduces itself as its file says; `host` is who listens, this computer if empty."""
+    assert cell.robots is not None  # noqa: S101 - the caller has looked
+    title = "It is discovered at the control centre" if host else "It is discovered, and is as its file says"
+    return _automatic(name, title, _Discovered(cell.robots, cell.row, cell.name, cell.site, host))
+
+
+def _at_the_centre(cell: Cell) -> Step:
+    hosts = cell.declaration.hosts.items()
+    centre = next((name for name, host in hosts if isinstance(host.device, ControlCentre)), None)
+    if centre is not None:
+        return discovery_step("control-centre", cell, centre)
+    return Step(
+        name="control-centre",
+        title="It is discovered at the control centre",
+        kind=ItemKind.PERSON,
+        phase=Phase.BENCH,
+        do="No control centre is declared: look at the screen of an operator.",
+        look_for="The robot is offered there by its name, and an operator can accept it.",
+    )
+
+
+def _topics_step(cell: Cell, item: RobotItem, kinds: frozenset[TopicKind]) -> Step:
+    assert cell.robots is not None  # noqa: S101 - the caller has looked
+    robot = cell.robots.sources[cell.row].robot
+    assert robot is not None  # noqa: S101 - its file is good
+    if item is RobotItem.POSE and robot.pose.library and not any(topic.kind in kinds for topic in robot.topics()):
+        return pose_of_the_library(item, Phase.QUAY)
+    probe = _TopicsHeard(cell.robots, cell.row, cell.name, cell.site, kinds, frozenset({item}))
+    unless = "" if probe.topics() else "its file names no such topic"
+    return _automatic(item, _TITLES[item], probe, unless)
+
+
+def pose_of_the_library(name: str, phase: Phase) -> Step:
+    """A pose that goes by the library, on a topic that nobody knows here."""
+    return Step(
+        name=name,
+        title="Its pose is shown, and moves",
+        kind=ItemKind.PERSON,
+        phase=phase,
+        do="Its pose goes through the library, on a topic that is not known: move it, and look at an operator's map.",
+        look_for="The robot is where it is, and moves as it does.",
+    )
+
+
+def topics_step(name: str, title: str, cell: Cell, kind: TopicKind) -> Step:
+    """All that there is to one kind of topics: heard, of their type, of now, at their rate."""
+    assert cell.robots is not None  # noqa: S101 - the caller has looked
+    probe = _TopicsHeard(cell.robots, cell.row, cell.name, cell.site, frozenset({kind}), frozenset(RobotItem))
+    return _automatic(name, title, probe)
+
+
+def _observation(answer: Answer | None, host: str) -> Observation | BearerFinding:
+    if not isinstance(answer, RobotsHeardResult) or answer.observation is None:
+        return replace(unasked(host or "this computer", answer), code="not-listened")
+    return answer.observation
+
+
+def _worded(finding: BearerFinding, site: str) -> BearerFinding:
+    """A hint that can be typed beside a checklist, which listens no longer than it does."""
+    again = f"`provision robot discover site={site} for=60s` listens longer"
+    return replace(finding, hint=again) if finding.hint == _LONGER else finding
+
+
+def _evidence(writers: Collection[HeardWriter]) -> Iterator[Evidence]:
+    for writer in writers:
+        rate = "rate not known" if writer.rate_hz is None else f"{writer.rate_hz:.2g} Hz"
+        yield measured(writer.topic, f"{rate}, {writer.messages} messages of {writer.size_bytes} bytes, {writer.type}")
+
+
+@dataclass(frozen=True, slots=True)
+class _BrokenFile:
+    """What a robot should publish is known."""
+
+    vehicle: str
+
+    def asks(self) -> tuple[Question, ...]:
+        return ()
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:  # noqa: ARG002 - as every probe has it
+        message = f"the file of {self.vehicle} has errors, so that nothing can be compared with it"
+        hint = f"`provision robot validate vehicle={self.vehicle}` names each of them"
+        return Judged((BearerFinding(Verdict.INCONCLUSIVE, "file-unreadable", message, hint),))
+
+
+@dataclass(frozen=True, slots=True)
+class _VpnOfRobot:
+    """The robot's own member of the VPN is connected."""
+
+    vehicle: str
+    name: str
+    behind: str
+    """The site in whose LAN it has an address; empty: none."""
+
+    def asks(self) -> tuple[Question, ...]:
+        return (VpnMembersRequest("members"),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        answer = results["members"]
+        if not isinstance(answer, VpnMembersResult) or answer.trouble is not None:
+            return Judged((unasked("the VPN server", answer),))
+        members = [member for member in answer.members if member.vehicle == self.vehicle]
+        session = next((member for member in members if member.session), None)
+        if session is not None:
+            connected = f"{session.name} is connected to the VPN server"
+            evidence = read("session at the VPN server", f"{session.name} from {session.session}")
+            return Judged((BearerFinding(Verdict.PASS, "member-connected", connected),), (evidence,))
+        if not members and self.behind:
+            text = f"{self.name} is no member of the VPN: it is in the LAN of {self.behind}, behind its router"
+            return Judged((BearerFinding(Verdict.SKIP, "behind-router", text),))
+        return Judged((self._away([member.name for member in members if member.admitted]),))
+
+    def _away(self, admitted: Collection[str]) -> BearerFinding:
+        status = "`provision vpn status` shows every member and who is connected"
+        if not admitted:
+            message = f"{self.name} has no certificate of the VPN that is good, and no address in the LAN of the site"
+            if self.behind:
+                message = f"every certificate of {self.name} in the VPN was revoked"
+            return BearerFinding(Verdict.FAIL, "no-member", message, status)
+        message = f"{', '.join(admitted)} is not connected to the VPN server"
+        return BearerFinding(Verdict.FAIL, "member-away", message, f"start OpenVPN on the robot; {status}")
+
+
+@dataclass(frozen=True, slots=True)
+class _OfRobot:
+    """What a judgement of one robot needs."""
+
+    robots: RobotFiles
+    vehicle: str
+    name: str
+    site: str
+
+    def _introduction(self, observation: Observation) -> RobotReport | BearerFinding:
+        """The robot, or that nothing follows from what was heard."""
+        report = self.robots.report(self.vehicle, observation)
+        if report.state is not RobotState.MISSING:
+            return report
+        message = f"{self.name} did not introduce itself, so that nothing is known of what it publishes"
+        hint = "make it be discovered first, then look again"
+        return BearerFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint)
+
+
+@dataclass(frozen=True, slots=True)
+class _Discovered(_OfRobot):
+    """The robot introduces itself once a second, alone under its name, as its file says."""
+
+    host: str = ""
+
+    def asks(self) -> tuple[Question, ...]:
+        return (RobotsHeardRequest("heard", self.host),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        observation = _observation(results["heard"], self.host)
+        if isinstance(observation, BearerFinding):
+            return Judged((observation,))
+        report = self.robots.report(self.vehicle, observation)
+        wrong = [each for each in report.findings if ITEM_OF[each.code] is RobotItem.DISCOVERED]
+        evidence = tuple(self._configurations(report, observation))
+        if wrong:
+            return Judged(tuple(_worded(each, self.site) for each in wrong), evidence)
+        if self.robots.sources[self.vehicle].token_is_sealed:
+            message = f"{self.name} introduces itself as its file says; its token, which is vaulted, was not compared"
+            hint = "the control centre compares it: ask an operator whether it has accepted the robot"
+            return Judged((BearerFinding(Verdict.WARN, "token-sealed", message, hint),), evidence)
+        text = f"{self.name} introduces itself as its file says"
+        return Judged((BearerFinding(Verdict.PASS, "introduced", text),), evidence)
+
+    @staticmethod
+    def _configurations(report: RobotReport, observation: Observation) -> Iterator[Evidence]:
+        keys = {writer.participant for writer in report.topics}
+        for configuration in observation.configurations:
+            writer = configuration.writer
+            if writer.participant in keys:
+                where = observation.participants.get(writer.participant, "an unknown address")
+                yield measured(f"configuration from {where}", f"{writer.messages} in {observation.seconds:.0f} s")
+
+
+@dataclass(frozen=True, slots=True)
+class _TopicsHeard(_OfRobot):
+    """Topics of the robot's file are heard from it, as they should be."""
+
+    kinds: frozenset[TopicKind]
+    items: frozenset[RobotItem]
+    """Whose findings count."""
+
+    def topics(self) -> tuple[PublishedTopic, ...]:
+        """Those of the file that are meant."""
+        robot = self.robots.sources[self.vehicle].robot
+        return tuple(topic for topic in robot.topics() if topic.kind in self.kinds) if robot is not None else ()
+
+    def asks(self) -> tuple[Question, ...]:
+        return (RobotsHeardRequest("heard"),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        observation = _observation(results["heard"], "")
+        if isinstance(observation, BearerFinding):
+            return Judged((observation,))
+        report = self._introduction(observation)
+        robot = self.robots.sources[self.vehicle].robot
+        if isinstance(report, BearerFinding) or robot is None:
+            return Judged((report,) if isinstance(report, BearerFinding) else ())
+        names = [topic.name for topic in self.topics()]
+        writers = [writer for writer in report.topics if writer.topic in names and writer.messages]
+        wrong = tuple(
+            _worded(finding, self.site)
+            for topic, finding in topic_findings(robot, report.topics, observation)
+            if topic.kind in self.kinds and item_of(finding.code, topic.kind) in self.items
+        )
+        return Judged(wrong or (self._good(names, writers),), tuple(_evidence(writers)))
+
+    def _good(self, names: Collection[str], writers: Collection[HeardWriter]) -> BearerFinding:
+        topics = {writer.topic for writer in writers}
+        if not topics:
+            message = f"none of {', '.join(names)} was heard of {self.name}"
+            hint = "look at the program of the robot that publishes them"
+            return BearerFinding(Verdict.INCONCLUSIVE, "not-heard", message, hint)
+        text = f"{len(topics)} of {len(names)} topics of {self.name} are as they should be"
+        return BearerFinding(Verdict.PASS, "heard", text)
+
+
+@dataclass(frozen=True, slots=True)
+class _Strangers:
+    """Every robot that introduces itself is one of the inventory."""
+
+    robots: RobotFiles
+
+    def asks(self) -> tuple[Question, ...]:
+        return (RobotsHeardRequest("heard"),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        observation = _observation(results["heard"], "")
+        if isinstance(observation, BearerFinding):
+            return Judged((observation,))
+        reports = self.robots.reports(observation)
+        every = [finding for report in reports for finding in report.findings]
+        wrong = tuple(each for each in every if ITEM_OF[each.code] is RobotItem.STRANGERS)
+        if wrong:
+            return Judged(wrong)
+        if not observation.configurations:
+            message = "no robot has introduced itself, so that nothing is known of strangers"
+            hint = "is this computer in the network of the robots, and in the domain of `dds.domain`?"
+            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "nobody-heard", message, hint),))
+        text = f"{len(observation.configurations)} robots introduce themselves, all of the inventory"
+        return Judged((BearerFinding(Verdict.PASS, "all-known", text),))

@@ -1,0 +1,60 @@
+"""The files of the robots that are tested at a site, read once for a list, and what was heard beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.declaration.robots.key_names import KeyNames
+from atlantis_netcfg.declaration.robots.reading import key_names, read_declared, robot_files
+from atlantis_netcfg.robots.observation import judge
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.robots.reading import RobotSource
+    from atlantis_netcfg.robots.observation import Observation, RobotReport
+
+
+@dataclass(slots=True, eq=False)
+class RobotFiles:
+    """Robots by their vehicles; a file with errors hinders no list, for `provision validate` refuses it."""
+
+    names: KeyNames
+    sources: Mapping[str, RobotSource]
+    """Of every robot of the inventory whose file has no error."""
+    tested: tuple[str, ...]
+    """Vehicles that are tested at the site and have a file, good or not; guests are none of them."""
+    _judged: tuple[Observation, list[RobotReport]] | None = None
+
+    @classmethod
+    def read(cls, declaration: Declaration, site: str) -> Self | None:
+        """Read those of an inventory; None: no vehicle that is tested at the site has one."""
+        here, files = declaration.sites[site].checklist.vehicles, robot_files(declaration)
+        tested = tuple(
+            key
+            for key, vehicle in declaration.vehicles.items()
+            if key in files and not vehicle.guest and (here is None or key in here)
+        )
+        if not tested:
+            return None
+        try:
+            names, findings = key_names(declaration)
+            sources = [] if findings else read_declared(declaration, names)
+        except NetcfgError:
+            return cls(KeyNames(), {}, tested)
+        good = {each.vehicle: each for each in sources if each.robot is not None and not each.findings}
+        return cls(names, {key: source for key, source in good.items() if key is not None}, tested)
+
+    def reports(self, observation: Observation) -> list[RobotReport]:
+        """Compare what was heard with all files; the items of a list share one observation."""
+        if self._judged is None or self._judged[0] is not observation:
+            expected = [key for key in self.tested if key in self.sources]
+            self._judged = observation, judge(observation, [*self.sources.values()], expected, self.names)
+        return self._judged[1]
+
+    def report(self, vehicle: str, observation: Observation) -> RobotReport:
+        """What was heard of one robot, whose file is good."""
+        return next(report for report in self.reports(observation) if report.vehicle == vehicle)

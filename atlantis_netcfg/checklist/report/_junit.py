@@ -1,0 +1,85 @@
+"""The checklist as JUnit XML: a suite a row, a case an item. What keeps a checklist from being green fails in it.
+
+FAIL, INCONCLUSIVE and what is open are failures, ERROR is an error, SKIP is skipped with its reason; what a person has
+overridden passes, and `system-out` says who and why. A checklist in which nothing was checked has an error of its own.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist.report._shapes import ShownState, grid, state
+from atlantis_netcfg.checklist.report._words import closing, english, evidence_words, signed
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.report.drift import add, clean, count, skip, tell, written
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.checklist.report.document import Document, Item
+
+_FAILURES = frozenset({ShownState.FAIL, ShownState.INCONCLUSIVE, ShownState.OPEN})
+
+
+def junit(document: Document) -> bytes:
+    """The file, the same for the same document."""
+    rehearsed = ", rehearsed: nothing real was checked" if document.rehearsed else ""
+    root = ET.Element("testsuites", name=clean(f"checklist of {document.site}{rehearsed}"))
+    root.append(_whole(document))
+    for row in grid(document).rows:
+        if row.items:
+            root.append(_suite(row.row.key, row.items))
+    if document.left_out:
+        root.append(_left_out(document))
+    return written(root)
+
+
+def _whole(document: Document) -> ET.Element:
+    suite = ET.Element("testsuite", name="checklist", time="0")
+    case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
+    if document.exit is ExitCode.NOTHING:
+        add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
+    tell(case, f"run {document.run}", closing(document, english), signed(document), *document.notes)
+    count(suite)
+    return suite
+
+
+def _suite(key: str, items: tuple[Item, ...]) -> ET.Element:
+    seconds = sum(item.seconds or 0 for item in items)
+    suite = ET.Element("testsuite", name=clean(key), time=f"{seconds:.3f}")
+    for item in items:
+        given = {"name": clean(item.id), "classname": clean(key), "time": f"{item.seconds or 0:.3f}"}
+        _judge(ET.SubElement(suite, "testcase", given), item)
+    count(suite)
+    return suite
+
+
+def _judge(case: ET.Element, item: Item) -> None:
+    shown = state(item)
+    words = filter(None, (item.message, item.hint))
+    if shown in _FAILURES:
+        add(case, "failure", str(shown), *words)
+    elif shown is ShownState.ERROR:
+        add(case, "error", str(shown), *words)
+    elif shown is ShownState.SKIP:
+        skip(case, item.message)
+    tell(case, *_lines(item))
+
+
+def _lines(item: Item) -> Iterator[str]:
+    yield f"{item.verdict}: {item.title}"
+    yield item.message
+    if item.override is not None:
+        yield f"OVERRIDDEN by {item.override.by}: {item.override.reason}"
+    yield from (f"{finding.verdict} {finding.code}: {finding.message}" for finding in item.findings)
+    yield from map(evidence_words, item.evidence)
+
+
+def _left_out(document: Document) -> ET.Element:
+    suite = ET.Element("testsuite", name="left out", time="0")
+    for item in document.left_out:
+        case = ET.SubElement(suite, "testcase", name=clean(item.what), classname="left out", time="0")
+        skip(case, item.why)
+    count(suite)
+    return suite

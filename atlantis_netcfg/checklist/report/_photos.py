@@ -1,0 +1,112 @@
+"""Photos that are evidence, in a size that a report can carry; every other file is only named, with its SHA-256.
+
+A telephone's photo has 5 MB, a report is sent over a satellite: large ones are made smaller, and the page says so. What
+counts as the evidence is the file that is kept beside the document; its hash is compared before anything is shown.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from PIL import Image, ImageOps
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.checklist.report.document import Document, Evidence
+
+MAX_BYTES = 30_000_000
+MAX_PIXELS = 60_000_000
+"""Of a file that is looked at at all."""
+PLAIN_BYTES = 400_000
+SIDE = 1400
+"""A picture of at most so many bytes, and pixels each way, is shown as it is; a larger one is made smaller."""
+ALL_BYTES = 12_000_000
+"""Of all pictures of a page together; the rest is named."""
+_QUALITY = 78
+_MEDIA = {"JPEG": "image/jpeg", "PNG": "image/png", "GIF": "image/gif", "WEBP": "image/webp"}
+_BESIDE = frozenset({"exif", "xmp", "photoshop", "comment", "XML:com.adobe.xmp", "Raw profile type exif"})
+"""What Pillow calls the places in which a camera writes more than the picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Photo:
+    """A picture as a page shows it."""
+
+    media: str
+    data: bytes
+    width: int
+    height: int
+    reduced: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Attached:
+    """A file of evidence."""
+
+    name: str
+    words: str
+    """What is to be known of it, its hash above all."""
+    photo: Photo | None
+    amiss: bool = False
+    """The file is gone, or is another one than the document says."""
+
+
+def attached(document: Document, files: Mapping[str, bytes]) -> dict[tuple[str, str | None], Attached]:
+    """Every file that the document names, by its name and SHA-256, in the order of the document."""
+    values: dict[tuple[str, str | None], Attached] = {}
+    left = ALL_BYTES
+    for evidence in (entry for item in document.items for entry in item.evidence):
+        if evidence.file is not None and (evidence.file, evidence.sha256) not in values:
+            picture = _attached(evidence.file, evidence, files.get(evidence.file), left)
+            left -= len(picture.photo.data) if picture.photo is not None else 0
+            values[evidence.file, evidence.sha256] = picture
+    return values
+
+
+def _attached(name: str, evidence: Evidence, data: bytes | None, left: int) -> Attached:
+    digest = f"SHA-256 {evidence.sha256}" if evidence.sha256 is not None else "without a SHA-256"
+    if data is None:
+        return Attached(name, f"{digest}; the file is not beside this document", None, amiss=True)
+    found = hashlib.sha256(data).hexdigest()
+    if evidence.sha256 is not None and evidence.sha256 != found:
+        return Attached(name, f"{digest}; the file there is ANOTHER ONE, with {found}", None, amiss=True)
+    photo = _photo(data)
+    if photo is not None and len(photo.data) > left:
+        return Attached(name, f"{digest}; not shown, there are too many pictures", None)
+    smaller = "; shown smaller than it is" if photo is not None and photo.reduced else ""
+    return Attached(name, f"{digest}; {len(data)} bytes{smaller}", photo)
+
+
+def _photo(data: bytes) -> Photo | None:
+    """The picture; None for whatever is none, is damaged, or is too large to be looked at."""
+    if len(data) > MAX_BYTES:
+        return None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # its size is looked at below, and what is odd inside is not ours to mend
+            with Image.open(io.BytesIO(data), formats=tuple(_MEDIA)) as image:
+                return _photo_of(image, data) if image.width * image.height <= MAX_PIXELS else None
+    except Exception:  # noqa: BLE001 - Pillow raises all sorts for damaged files; such a file is named like any other
+        return None
+
+
+def _photo_of(image: Image.Image, data: bytes) -> Photo:
+    # A book of an earlier release has photos as the telephone made them, with the place where it stood.
+    bare = not image.getexif() and _BESIDE.isdisjoint(image.info)
+    small = len(data) <= PLAIN_BYTES and max(image.size) <= SIDE
+    if small and bare and image.format in {"JPEG", "PNG"}:
+        image.load()
+        return Photo(_MEDIA[image.format], data, *image.size, reduced=False)
+    whole = sorted(image.size)
+    image.draft("RGB", (SIDE, SIDE))
+    turned = ImageOps.exif_transpose(image).convert("RGB")
+    turned.info.clear()  # a comment would be written again
+    turned.thumbnail((SIDE, SIDE))
+    kept = io.BytesIO()
+    turned.save(kept, "JPEG", quality=_QUALITY)
+    return Photo(_MEDIA["JPEG"], kept.getvalue(), *turned.size, reduced=sorted(turned.size) != whole)

@@ -1,0 +1,91 @@
+"""One command on a connection of an emulated router: counted, delayed, run, and spoilt by the faults armed for it."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+from atlantis_netcfg.emulator.routeros.device import Printed
+from atlantis_netcfg.emulator.routeros.wire.link import FaultKind, LinkFault, TrafficCounters, masked
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from atlantis_netcfg.emulator.routeros.wire.host import RouterHost
+
+
+class Gone(Exception):
+    """The connection under the work has ended: nothing more is to be done for it."""
+
+
+class _PipeTransport(Protocol):
+    tally: TrafficCounters
+
+    @property
+    def over(self) -> bool: ...
+
+    def drop(self) -> None: ...
+
+    def vanish(self) -> None: ...
+
+
+class WorkItem:
+    """The gate between a channel and the device."""
+
+    def __init__(self, host: RouterHost, wire: _PipeTransport) -> None:
+        self._host = host
+        self._wire = wire
+
+    async def run(self, line: str, action: Callable[[], Printed]) -> Printed:
+        """Run `action`, which the client asked for by `line`. Raises Gone; hangs for ever if a fault says so."""
+        faults = await self.begin(line)
+        printed = action()
+        await self.end(faults)
+        return _spoilt(faults, printed)
+
+    async def begin(self, line: str) -> list[LinkFault]:
+        """What comes before the work."""
+        self._wire.tally.counters.sentences += 1
+        self._wire.tally.sentences.append(masked((line,)))
+        faults = self._host.upon(line)
+        await self._suffer(faults, "before")
+        await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
+        self._check()
+        return faults
+
+    async def end(self, faults: Sequence[LinkFault]) -> None:
+        """What comes between the work and its answer."""
+        await self._host.settle()
+        self._host.tell()
+        await self._suffer(faults, "after")
+        self._check()
+
+    def _check(self) -> None:
+        if self._wire.over:
+            raise Gone
+
+    async def _suffer(self, faults: Sequence[LinkFault], when: str) -> None:
+        for fault in faults:
+            if fault.when != when:
+                continue
+            if fault.do is FaultKind.DROP:
+                self._wire.drop()
+            elif fault.do is FaultKind.VANISH:
+                self._wire.vanish()
+            elif fault.do is FaultKind.HANG:
+                await asyncio.Event().wait()
+            else:
+                self._host.strike(fault)
+
+
+def _spoilt(faults: Sequence[LinkFault], printed: Printed) -> Printed:
+    text = printed.text
+    for fault in faults:
+        at = fault.offset
+        if fault.do is FaultKind.TRUNCATE:
+            return Printed(text[: len(text) // 2 if at is None else at], over=True)
+        if fault.do is FaultKind.GARBAGE:
+            garbage = bytes.fromhex(fault.data).decode(errors="surrogateescape")
+            return replace(printed, text=text[: at or 0] + garbage + text[at or 0 :])
+    return printed

@@ -1,0 +1,195 @@
+"""The `telemetry:` of a vehicle as it was heard at a site: topics, sizes and rates; and its place in the inventory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from difflib import unified_diff
+from typing import TYPE_CHECKING, Final
+
+import yaml
+from pydantic import ValidationError
+
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration.model import Guest, TelemetryTopic
+from atlantis_netcfg.operations import guests, inventory_files, robots
+from atlantis_netcfg.robots.observation import RobotState
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from datetime import date
+
+    from atlantis_netcfg.bearers import BearerFinding
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model import Vehicle
+    from atlantis_netcfg.declaration.model.robot import RobotFile
+    from atlantis_netcfg.robots.observation import RobotReport
+
+_VEHICLES: Final = "group_vars/all/vehicles.yml"
+
+
+class TelemetryUnmeasured(NetcfgError):
+    """What a vehicle publishes was not heard, or not all of it."""
+
+    exit = ExitCode.CHECKS_FAILED
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredTelemetry:
+    """What one vehicle was heard to publish."""
+
+    site: str
+    vehicle: str
+    seconds: float
+    topics: tuple[TelemetryTopic, ...]
+    """Those that its configuration names: what else it publishes nobody at the control centre reads."""
+    others: tuple[str, ...]
+    """Topics that its configuration does not name."""
+    findings: tuple[BearerFinding, ...]
+    """What `robot discover` would say of it."""
+
+    def of(self, declaration: Declaration) -> Declaration:
+        """The pilot with these topics in the place of the declared ones."""
+        vehicle = declaration.vehicles[self.vehicle].model_copy(update={"telemetry": self.topics})
+        return replace(declaration, vehicles={**declaration.vehicles, self.vehicle: vehicle})
+
+    def as_dict(self) -> Mapping[str, object]:
+        """As JSON-able data."""
+        return {
+            "seconds": round(self.seconds, 1),
+            "telemetry": [each.model_dump(mode="json") for each in self.topics],
+            "others": list(self.others),
+            "findings": [each.as_dict() for each in self.findings],
+        }
+
+
+def measure(
+    declaration: Declaration, site: str, vehicle: str, seconds: float, address: str | None
+) -> MeasuredTelemetry:
+    """Listen at a site. Raises UsageError, NothingMatched, and TelemetryUnmeasured where a topic was not measured."""
+    robot = next((each.robot for each in robots.robots_of(declaration)[0] if each.vehicle == vehicle), None)
+    if robot is None:
+        hint = f"docs/robots.md says how; `provision robot validate vehicle={vehicle}` checks it"
+        raise NothingMatched(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
+    observation, reports = robots.discover(declaration, site, seconds, address)
+    report = next((each for each in reports if (each.vehicle, each.state) == (vehicle, RobotState.DECLARED)), None)
+    if report is None:
+        message = f"`{vehicle}` was not heard at {site} in {observation.seconds:.0f} s"
+        hint = f"`provision robot discover site={site}` says who is heard"
+        raise TelemetryUnmeasured(message, hint=hint)
+    return telemetry_of(site, report, robot, declaration.vehicles[vehicle], observation.seconds)
+
+
+def telemetry_of(
+    site: str, report: RobotReport, robot: RobotFile, declared: Vehicle, seconds: float
+) -> MeasuredTelemetry:
+    """The telemetry of a report. Raises TelemetryUnmeasured where a topic's rate is not known."""
+    least = {robot.full_name(item.topic): item.least_hz for item in declared.telemetry}
+    topics, unknown = [], []
+    for topic in robot.topics():
+        writers = [each for each in report.topics if each.topic == topic.name]
+        rates = [each.rate_hz for each in writers if each.rate_hz is not None]
+        try:
+            made = TelemetryTopic(
+                topic=topic.name,
+                data=topic.kind.data,
+                rate_hz=float(f"{sum(rates):.3g}"),
+                size_bytes=round(sum(each.octets for each in writers) / sum(each.messages for each in writers)),
+                reliable=any(each.reliable for each in writers),
+                least_hz=least.get(topic.name),
+            )
+        except (ValidationError, ZeroDivisionError):
+            unknown.append(topic.name)
+        else:
+            topics.append(made)
+            unknown += [topic.name] if len(rates) < len(writers) else []
+    if unknown:
+        message = f"the rate of {', '.join(unknown)} of `{report.vehicle}` is not known after {seconds:.0f} s"
+        raise TelemetryUnmeasured(message, hint="three messages of each tell it: listen longer, `observed=5m`")
+    others = sorted({each.topic for each in report.topics} - {each.topic for each in topics})
+    return MeasuredTelemetry(site, str(report.vehicle), seconds, tuple(topics), tuple(others), report.findings)
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetryChange:
+    """What a file of the inventory would become."""
+
+    file: str
+    before: str
+    after: str | None
+    """None: its entry is not written in lines of its own."""
+    rows: Sequence[str]
+
+    @property
+    def difference(self) -> list[str]:
+        """Lines that go and lines that come; none: nothing changes."""
+        if self.after is None:
+            return [f"+{row}" for row in self.rows]
+        lines = unified_diff(self.before.splitlines(), self.after.splitlines(), n=0, lineterm="")
+        return [line for line in list(lines)[2:] if not line.startswith("@@")]
+
+
+def change(declaration: Declaration, telemetry: MeasuredTelemetry, day: date) -> TelemetryChange:
+    """The file with these topics, everything else as it is."""
+    vehicle, rows = declaration.vehicles[telemetry.vehicle], [_row(each) for each in telemetry.topics]
+    block, file = ("guests", guests.FILE) if isinstance(vehicle, Guest) else ("vehicles", _VEHICLES)
+    before = (declaration.root / file).read_bytes().decode()
+    if vehicle.telemetry == telemetry.topics:
+        return TelemetryChange(file, before, before, rows)
+    comment = f"as heard at {telemetry.site} on {day.isoformat()}, in {telemetry.seconds:.0f} s"
+    after = with_telemetry(before, (block, telemetry.vehicle), comment, rows)
+    expected = telemetry.of(declaration).vehicles
+    if after is not None and inventory_files.validated(declaration.root, file, after).vehicles != expected:
+        after = None
+    return TelemetryChange(file, before, after, rows)
+
+
+def write(declaration: Declaration, telemetry: MeasuredTelemetry, made: TelemetryChange) -> None:
+    """Put it in its place. Raises TelemetryUnmeasured for a robot that is not as its file says, and UsageError."""
+    wrong = next((each for each in telemetry.findings if each.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}), None)
+    if wrong is not None:
+        message = f"nothing was written, for `{telemetry.vehicle}` is not as its file says: {wrong.message}"
+        raise TelemetryUnmeasured(
+            message, hint=f"`provision robot discover site={telemetry.site}` says all that differs"
+        )
+    if (declaration.root / made.file).read_bytes().decode() != made.before:
+        raise UsageError(f"{made.file} has changed meanwhile: nothing was written", hint="type the same again")
+    if made.after is None:
+        hint = "write the lines there that are shown without `--write`"
+        raise UsageError(f"`{telemetry.vehicle}` is not written in {made.file} as this command can write it", hint=hint)
+    if made.difference:
+        inventory_files.write(declaration.root, made.file, made.after)
+
+
+def _row(topic: TelemetryTopic) -> str:
+    values = topic.model_dump(mode="json", exclude_defaults=True)
+    return f"- {yaml.safe_dump(values, default_flow_style=True, sort_keys=False, width=1000).strip()}"
+
+
+def with_telemetry(text: str, path: tuple[str, str], comment: str, rows: Sequence[str]) -> str | None:
+    """A file with the topics of one vehicle in it; None where its entry is not written in lines of its own."""
+    node: yaml.Node | None = yaml.compose(text, yaml.SafeLoader)
+    for name in path:
+        node = _keys(node).get(name, (None, None))[1]
+    if not isinstance(node, yaml.MappingNode) or node.flow_style or not node.value:
+        return None
+    there, indent = _keys(node).get("telemetry"), " " * node.value[0][0].start_mark.column
+    first = there[0].start_mark.line if there is not None else _line_behind(node)
+    last = _line_behind(there[1]) if there is not None else first
+    lines = text.splitlines(keepends=True)
+    made = [f"{indent}telemetry: # {comment}\n", *(f"{indent}  {row}\n" for row in rows)]
+    if first == len(lines) and lines and not lines[-1].endswith("\n"):
+        lines[-1] += "\n"
+    return "".join([*lines[:first], *made, *lines[last:]])
+
+
+def _keys(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:
+    return {key.value: (key, value) for key, value in node.value} if isinstance(node, yaml.MappingNode) else {}
+
+
+def _line_behind(node: yaml.Node) -> int:
+    """The line behind the last value of a block: comments below it belong to what follows."""
+    while isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
+        node = node.value[-1][1] if isinstance(node, yaml.MappingNode) else node.value[-1]
+    end = node.end_mark
+    return int(end.line) if end.column == 0 else int(end.line) + 1

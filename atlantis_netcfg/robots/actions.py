@@ -1,0 +1,186 @@
+"""Goals of a ROS 2 action from request to result, as a mock robot carries them out. Pure: nothing here sends.
+
+A command takes a few seconds, a plan a second a step. States and codes are those of action_msgs, and cancelling follows
+rcl_action: it is asked for, agreed to (CANCELING), and then carried out (CANCELED).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+STEP_S: Final = 1.0
+"""How long a step of a plan takes, and how often there is feedback of a command."""
+COMMAND_STEPS: Final = 3
+MOST_GOALS: Final = 64
+"""Of one action: active ones, and those whose result is kept."""
+RESULT_TIMEOUT_S: Final = 900.0
+MOST_REQUESTS: Final = 8
+"""Requests for the result of one goal that wait for its end."""
+MOST_STEPS: Final = 200
+MOST_PLAN_CHARACTERS: Final = 64_000
+"""Of all steps of a plan: the whole plan is in every feedback."""
+_NO_GOAL: Final = bytes(16)
+
+
+class GoalStatus(IntEnum):
+    """State of a goal, as `action_msgs/msg/GoalStatus` has it."""
+
+    UNKNOWN = 0
+    ACCEPTED = 1
+    EXECUTING = 2
+    CANCELING = 3
+    SUCCEEDED = 4
+    CANCELED = 5
+
+    @property
+    def is_terminal(self) -> bool:
+        """Whether the goal is over."""
+        return self in {GoalStatus.SUCCEEDED, GoalStatus.CANCELED}
+
+
+class CancelCode(IntEnum):
+    """Outcome of a request to cancel, as `action_msgs/srv/CancelGoal` has it."""
+
+    NONE = 0
+    UNKNOWN_GOAL = 2
+    GOAL_TERMINATED = 3
+
+
+class GoalRefusal(Exception):
+    """Why a goal is not accepted, for a person."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanStep:
+    """One step of a plan, and the message in which it came."""
+
+    index: int
+    action: str
+    data: str
+    message: Any = None
+
+
+def require_plan(steps: Sequence[PlanStep]) -> list[PlanStep]:
+    """Return the steps in the order in which they are carried out. Raises GoalRefusal."""
+    if not steps:
+        raise GoalRefusal("the plan has no step")
+    if len(steps) > MOST_STEPS or sum(len(step.action) + len(step.data) for step in steps) > MOST_PLAN_CHARACTERS:
+        raise GoalRefusal(f"the plan is too long: at most {MOST_STEPS} steps and {MOST_PLAN_CHARACTERS} characters")
+    order = sorted(steps, key=lambda step: step.index)
+    if [step.index for step in order] != list(range(len(order))):
+        raise GoalRefusal("the indices of its steps do not count from 0")
+    for step in order:
+        if not step.action:
+            raise GoalRefusal(f"step {step.index} names no action")
+        if not _is_json_object(step.data):
+            raise GoalRefusal(f"the data of step {step.index} is no JSON object")
+    return order
+
+
+def _is_json_object(text: str) -> bool:
+    try:
+        return isinstance(json.loads(text, parse_constant=_refuse_constant), dict)
+    except (ValueError, RecursionError):
+        return False
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(name)
+
+
+@dataclass(slots=True)
+class Goal:
+    """One goal; times are of the monotonic clock in seconds, stamps of the wall clock in nanoseconds."""
+
+    identity: bytes
+    stamp_ns: int
+    plan: Sequence[PlanStep]
+    """Empty for a command."""
+    due: float = 0.0
+    status: GoalStatus = GoalStatus.ACCEPTED
+    stamps_ns: list[int] = field(default_factory=list)
+    """When its first step began, and when each ended."""
+    requests: list[Any] = field(default_factory=list)
+    """For its result: they are answered at its end."""
+
+    @property
+    def steps(self) -> int:
+        """How many there are."""
+        return len(self.plan) or COMMAND_STEPS
+
+    @property
+    def completed(self) -> int:
+        """How many steps are completed."""
+        return max(0, len(self.stamps_ns) - 1)
+
+
+@dataclass(slots=True)
+class ActionServer:
+    """Goals of one action of one robot."""
+
+    one_at_a_time: bool = False
+    """A second goal is refused while one is carried out."""
+    goals: dict[bytes, Goal] = field(default_factory=dict)
+
+    def accept(self, identity: bytes, plan: Sequence[PlanStep], now: float, stamp_ns: int) -> Goal:
+        """Take a goal on. Raises GoalRefusal."""
+        active = [goal for goal in self.goals.values() if not goal.status.is_terminal]
+        if identity == _NO_GOAL:
+            raise GoalRefusal("its goal id is zero")
+        if identity in self.goals:
+            raise GoalRefusal("there was a goal with this id")
+        if active and self.one_at_a_time:
+            raise GoalRefusal("another plan is still running")
+        if len(active) >= MOST_GOALS:
+            raise GoalRefusal(f"{MOST_GOALS} goals are still running")
+        if len(self.goals) >= MOST_GOALS:
+            del self.goals[next(key for key, goal in self.goals.items() if goal.status.is_terminal)]
+        self.goals[identity] = Goal(identity, stamp_ns, plan, now)
+        return self.goals[identity]
+
+    def cancel(self, identity: bytes, stamp_ns: int) -> tuple[CancelCode, list[Goal]]:
+        """Begin to cancel one goal, all that were accepted up to a stamp, or all (both are zero)."""
+        is_one, is_every = identity != _NO_GOAL and not stamp_ns, identity == _NO_GOAL and not stamp_ns
+        if is_one and identity not in self.goals:
+            return CancelCode.UNKNOWN_GOAL, []
+        targets = [
+            goal
+            for goal in self.goals.values()
+            if goal.status in {GoalStatus.ACCEPTED, GoalStatus.EXECUTING}
+            and (is_every or goal.identity == identity or goal.stamp_ns <= stamp_ns)
+        ]
+        for goal in targets:
+            goal.status = GoalStatus.CANCELING
+        return CancelCode.GOAL_TERMINATED if is_one and not targets else CancelCode.NONE, targets
+
+    def wait_for_result(self, identity: bytes, request: Any) -> bool:  # noqa: ANN401 - a message
+        """Keep a request for a result until its goal is over; False: answer it now."""
+        goal = self.goals.get(identity)
+        if goal is None or goal.status.is_terminal or len(goal.requests) >= MOST_REQUESTS:
+            return False
+        goal.requests.append(request)
+        return True
+
+    def step(self, now: float, stamp_ns: int) -> list[Goal]:
+        """Carry goals on to this moment; return those that changed. Each changes once at most."""
+        changes = []
+        for goal in list(self.goals.values()):
+            if goal.status.is_terminal:
+                if now - goal.due >= RESULT_TIMEOUT_S:
+                    del self.goals[goal.identity]
+            elif goal.status is GoalStatus.CANCELING:
+                goal.status, goal.due = GoalStatus.CANCELED, now
+                changes.append(goal)
+            elif now >= goal.due:
+                goal.status, goal.due = GoalStatus.EXECUTING, goal.due + STEP_S
+                goal.stamps_ns.append(stamp_ns)
+                if goal.completed == goal.steps:
+                    goal.status, goal.due = GoalStatus.SUCCEEDED, now
+                changes.append(goal)
+        return changes

@@ -1,0 +1,172 @@
+"""One action of a mock robot at its five topics of DDS: goals, cancelling, results, feedback and states."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from typing import TYPE_CHECKING, Any, Final
+
+from atlantis_netcfg.robots.actions import ActionServer, GoalRefusal, GoalStatus, PlanStep, require_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from atlantis_netcfg.declaration.model.robot import OfferedAction
+    from atlantis_netcfg.robots.actions import Goal
+    from atlantis_netcfg.robots.message_types import MessageTypes
+    from atlantis_netcfg.robots.network import Publisher, RosService
+
+_STATUS: Final = "action_msgs/msg/GoalStatus"
+_NANO: Final = 1_000_000_000
+_NOTICES: Final = 20
+
+
+class MockAction:
+    """One action of a robot's file; `step` carries its goals on, and answers what has come."""
+
+    def __init__(
+        self, action: OfferedAction, publisher: Publisher, types: MessageTypes, require: Callable[[], None] | None
+    ) -> None:
+        """`require` raises GoalRefusal where a command may not be given; None: the action takes plans.
+
+        Raises UsageError for a type that is not known.
+        """
+        self.name, self._kind, self._types = action.name, action.action_type, types
+        self._publisher, self._require = publisher, require
+        self.counts: Counter[str] = Counter()
+        """`accepted`, `refused` and `unreadable`."""
+        self.notices: deque[str] = deque(maxlen=_NOTICES)
+        """For a person, and of a flood the last ones: `counts` has all."""
+        self._server = ActionServer(one_at_a_time=require is None)
+        self._results = publisher.service(f"{self.name}/_action/get_result", f"{self._kind}_GetResult")
+        self._services: Mapping[RosService, Callable[[Any, float, int], Any]] = {
+            publisher.service(f"{self.name}/_action/send_goal", f"{self._kind}_SendGoal"): self._accept,
+            publisher.service(f"{self.name}/_action/cancel_goal", "action_msgs/srv/CancelGoal"): self._cancel,
+            self._results: self._get_result,
+        }
+        publisher.advertise(f"{self.name}/_action/feedback", f"{self._kind}_FeedbackMessage", reliable=True)
+        publisher.advertise(
+            f"{self.name}/_action/status", f"{_STATUS}Array", reliable=True, transient_local=True, depth=1
+        )
+        self._publish_states()
+
+    def step(self, now: float, stamp_ns: int) -> None:
+        """Do what is due at this second of the monotonic clock, then answer requests."""
+        changes = self._server.step(now, stamp_ns)
+        if changes:
+            self._publish_states()
+        for goal in changes:
+            self._announce(goal)
+        is_idle = True
+        for service, answer in self._services.items():
+            for request in service.requests():
+                is_idle = False
+                if request is None:
+                    self.counts["unreadable"] += 1
+                    self.notices.append(
+                        "request not understood: its sender needs rmw_cyclonedds_cpp and the same definitions"
+                    )
+                elif (reply := answer(request, now, stamp_ns)) is not None:
+                    service.reply(request, reply)
+        if not is_idle:
+            self._publish_states()
+
+    def _announce(self, goal: Goal) -> None:
+        if goal.status is not GoalStatus.CANCELED:
+            self._publish_feedback(goal)
+        if goal.status.is_terminal:
+            self.notices.append("goal succeeded" if goal.status is GoalStatus.SUCCEEDED else "goal cancelled")
+            for request in goal.requests:
+                self._results.reply(request, self._result(goal))
+            goal.requests.clear()
+
+    def _accept(self, request: Any, now: float, stamp_ns: int) -> Any:  # noqa: ANN401 - messages
+        reply = self._types.empty(f"{self._kind}_SendGoal_Response")
+        try:
+            goal = self._server.accept(bytes(request.goal_id.uuid), self._steps(request.goal), now, stamp_ns)
+        except GoalRefusal as refusal:
+            self.counts["refused"] += 1
+            self.notices.append(f"goal refused: {refusal}")
+            return reply
+        self.counts["accepted"] += 1
+        self.notices.append("goal accepted")
+        reply.accepted = True
+        _set_time(reply.stamp, goal.stamp_ns)
+        return reply
+
+    def _steps(self, goal: Any) -> Sequence[PlanStep]:  # noqa: ANN401 - a message
+        """Return the steps of a plan; a command has none. Raises GoalRefusal."""
+        if self._require is not None:
+            self._require()
+            return ()
+        messages: Sequence[Any] = next((value for value in vars(goal).values() if isinstance(value, list)), ())
+        return require_plan(
+            [
+                PlanStep(getattr(each, "index", place), getattr(each, "action", "?"), getattr(each, "data", "{}"), each)
+                for place, each in enumerate(messages)
+            ]
+        )
+
+    def _cancel(self, request: Any, _now: float, _stamp_ns: int) -> Any:  # noqa: ANN401 - messages
+        info = request.goal_info
+        code, goals = self._server.cancel(bytes(info.goal_id.uuid), info.stamp.sec * _NANO + info.stamp.nanosec)
+        reply = self._types.empty("action_msgs/srv/CancelGoal_Response")
+        reply.return_code, reply.goals_canceling = code.value, [self._info(goal) for goal in goals]
+        return reply
+
+    def _get_result(self, request: Any, _now: float, _stamp_ns: int) -> Any:  # noqa: ANN401 - messages
+        identity = bytes(request.goal_id.uuid)
+        waits = self._server.wait_for_result(identity, request)
+        return None if waits else self._result(self._server.goals.get(identity))
+
+    def _result(self, goal: Goal | None) -> Any:  # noqa: ANN401 - a message
+        reply = self._types.empty(f"{self._kind}_GetResult_Response")
+        if goal is not None:
+            reply.status = goal.status.value
+            self._fill(reply.result, "Result", "completed", goal, range(goal.completed))
+        return reply
+
+    def _publish_feedback(self, goal: Goal) -> None:
+        message = self._types.empty(f"{self._kind}_FeedbackMessage")
+        message.goal_id.uuid = list(goal.identity)
+        done, total = goal.completed, len(goal.plan)
+        self._fill(message.feedback, "Feedback", "completed", goal, range(done))
+        self._fill(message.feedback, "Feedback", "in_progress", goal, range(done, min(done + 1, total)))
+        self._fill(message.feedback, "Feedback", "remaining", goal, range(done + 1, total))
+        if not self._publisher.send(f"{self.name}/_action/feedback", message):
+            self.notices.append("feedback was lost: a reader of it does not keep up")
+
+    def _publish_states(self) -> None:
+        message = self._types.empty(f"{_STATUS}Array")
+        for goal in self._server.goals.values():
+            state = self._types.empty(_STATUS)
+            state.goal_info, state.status = self._info(goal), goal.status.value
+            message.status_list.append(state)
+        self._publisher.send(f"{self.name}/_action/status", message)
+
+    def _fill(self, message: Any, part: str, name: str, goal: Goal, steps: range) -> None:  # noqa: ANN401 - a message
+        """Put steps of a plan into a list of steps, or of completed steps, where the pilot's type has one."""
+        kind = self._types.items(f"{self._kind}_{part}", name)
+        if kind is None or not goal.plan:
+            return
+        rows = []
+        for place in steps:
+            step, row = goal.plan[place].message, self._types.empty(kind)
+            if isinstance(row, type(step)):
+                row = step
+            elif isinstance(getattr(row, "step", None), type(step)):
+                row.step = step
+            if hasattr(row, "start") and hasattr(row, "end"):
+                _set_time(row.start, goal.stamps_ns[place])
+                _set_time(row.end, goal.stamps_ns[place + 1])
+            rows.append(row)
+        setattr(message, name, rows)
+
+    def _info(self, goal: Goal) -> Any:  # noqa: ANN401 - a message
+        info = self._types.empty("action_msgs/msg/GoalInfo")
+        info.goal_id.uuid = list(goal.identity)
+        _set_time(info.stamp, goal.stamp_ns)
+        return info
+
+
+def _set_time(time: Any, stamp_ns: int) -> None:  # noqa: ANN401 - `builtin_interfaces/Time`
+    time.sec, time.nanosec = divmod(stamp_ns, _NANO)

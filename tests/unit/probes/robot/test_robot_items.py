@@ -1,0 +1,277 @@
+"""The items of robots: each difference turns exactly its items, and nothing that was not heard is green."""
+
+import asyncio
+import re
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+from hints_said import advised
+from robot_rehearsals import NOWHERE, OF_ROBOTS, asked, probed, turned
+
+from atlantis_netcfg.checklist import Checklist, Scope, plan
+from atlantis_netcfg.checklist.probes import (
+    Answer,
+    Cell,
+    Place,
+    Question,
+    RobotsHeardRequest,
+    RobotsHeardResult,
+    Trouble,
+    VpnMember,
+    VpnMembersRequest,
+    VpnMembersResult,
+    robot,
+    robot_files,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.report import ItemKind
+from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.checklist.runner.simulated import FAULTS
+from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli._arguments import parse
+from atlantis_netcfg.cli._commands import COMMANDS, choose
+from atlantis_netcfg.cli._commands import load as load_command
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration._yaml import SealedSecret
+from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.declaration.robots.reading import read_declared
+from atlantis_netcfg.robots import observation as observed
+from atlantis_netcfg.robots.observation import Observation
+
+ROOT = Path(__file__).parents[4]
+OF_SPARUS = tuple(
+    f"sparus/robot/{name}" for name in ("vpn", "discovered", "control-centre", "telemetry", "pose", "rates")
+)
+
+
+@pytest.fixture(scope="module")
+def coastal(declaration: Declaration) -> Checklist:
+    return plan(declaration, "coastal")
+
+
+def judged(listed: Checklist, name: str, answer: Answer) -> Judged:
+    (probe,) = (entry.step.probe for entry in listed.entries if entry.item.id == name)
+    assert probe is not None
+    (question,) = probe.asks()
+    return probe.judge({question.name: answer})
+
+
+def heard(observation: Observation) -> RobotsHeardResult:
+    return RobotsHeardResult(None, "", observation)
+
+
+def codes(found: Judged) -> list[str]:
+    return [finding.code for finding in found.findings]
+
+
+def test_every_finding_about_robots_belongs_to_one_item() -> None:
+    text = Path(observed.__file__).read_text(encoding="utf-8")
+    said = set(re.findall(r'BearerFinding\(\s*Verdict\.\w+,\s*f?"([a-z-]+)', text))
+    said = (said - {"topic-rate-"}) | {"topic-rate-above", "topic-rate-below"}
+    assert said == set(robot.ITEM_OF)
+    assert {robot.item_of("topic-silent", kind) for kind in TopicKind if kind.moves} == {robot.RobotItem.POSE}
+    assert robot.item_of("topic-silent", TopicKind.NUMBER) is robot.RobotItem.TELEMETRY
+    assert robot.item_of("topic-rate-above", TopicKind.POSE) is robot.RobotItem.RATES
+
+
+def test_every_item_of_honest_robots_passes(declaration: Declaration, coastal: Checklist) -> None:
+    items = asked(declaration, probed(coastal, "robot"))
+    assert len(items) == 6 * 6 - 1 + 1, "the pose of one goes through the library, and the site has one of its own"
+    assert {item.verdict for item in items.values()} == {Verdict.PASS}
+    assert all(item.evidence for name, item in items.items() if name != "coastal/robot/strangers")
+    assert not [item for item in items.values() if "token" in str(item.evidence).lower()]
+
+
+@pytest.mark.parametrize("fault", OF_ROBOTS)
+def test_a_fault_turns_exactly_its_items(declaration: Declaration, coastal: Checklist, fault: str) -> None:
+    entries = probed(coastal, "robot")
+    items, well = asked(declaration, entries, FAULTS[fault].spoil), asked(declaration, entries)
+    changed = turned(items, well)
+    assert {*changed} == {name.replace("SITE", "coastal") for name in FAULTS[fault].turns}
+    assert all(items[name].hint for name in changed)
+    assert Verdict.PASS not in {verdict for verdict, _ in changed.values()}
+
+
+def test_one_listening_serves_all_items(coastal: Checklist) -> None:
+    probes = [entry.step.probe for entry in probed(coastal, "robot")]
+    questions = [replace(question, name="") for probe in probes if probe is not None for question in probe.asks()]
+    assert set(questions) == {
+        RobotsHeardRequest(""),
+        RobotsHeardRequest("", "scc-control"),
+        VpnMembersRequest(""),
+    }
+
+
+def test_the_files_are_read_once_for_a_list(declaration: Declaration) -> None:
+    with patch(f"{robot_files.__name__}.read_declared", wraps=read_declared) as read:
+        plan(declaration, "coastal")
+    assert read.call_count == 1
+
+
+def test_silence_is_never_green(coastal: Checklist) -> None:
+    silence = Observation(20.0)
+    for name in (*OF_SPARUS[1:], "coastal/robot/strangers"):
+        found = judged(coastal, name, heard(silence))
+        assert found.verdict is Verdict.INCONCLUSIVE, name
+        assert all(finding.hint for finding in found.findings)
+    assert codes(judged(coastal, "sparus/robot/telemetry", heard(silence))) == ["not-introduced"]
+    assert codes(judged(coastal, "coastal/robot/strangers", heard(silence))) == ["nobody-heard"]
+
+
+def test_what_could_not_be_asked_is_never_green(coastal: Checklist) -> None:
+    for name in (*OF_SPARUS[1:], "coastal/robot/strangers"):
+        found = judged(coastal, name, RobotsHeardResult(Trouble.NO_PLACE, "no way to 10.64.1.0/24"))
+        assert (found.verdict, codes(found)) == (Verdict.INCONCLUSIVE, ["not-listened"])
+        assert "could not be asked: no way to 10.64.1.0/24" in found.findings[0].message
+    found = judged(coastal, OF_SPARUS[0], VpnMembersResult(Trouble.NO_PLACE, "this computer has no authority"))
+    assert (found.verdict, codes(found)) == (Verdict.INCONCLUSIVE, ["not-asked"])
+
+
+def test_topics_of_which_none_was_heard_have_no_rate(declaration: Declaration, coastal: Checklist) -> None:
+    silent = SimulatedRobots.honest(declaration, "coastal").here
+    silent.writers = [row for row in silent.writers if row.participant != "sparus"]
+    found = judged(coastal, "sparus/robot/rates", heard(silent))
+    assert (found.verdict, codes(found)) == (Verdict.INCONCLUSIVE, ["not-heard"])
+    assert codes(judged(coastal, "sparus/robot/telemetry", heard(silent))) == ["topic-missing"] * 5
+
+
+def test_a_configuration_with_fewer_topics_hides_none_of_the_file(declaration: Declaration, coastal: Checklist) -> None:
+    seen = SimulatedRobots.honest(declaration, "coastal").here
+    (row,) = (each for each in seen.configurations if each.writer.participant == "sparus")
+    row.text = row.text.replace(b"    - {topic: leak, label: Leak}\n", b"")
+    seen.writers = [each for each in seen.writers if each.topic != "/sparus/leak"]
+    assert codes(judged(coastal, "sparus/robot/telemetry", heard(seen))) == ["topic-missing"]
+    assert codes(judged(coastal, "sparus/robot/discovered", heard(seen))) == ["configuration-differs"]
+
+
+def test_a_token_that_nobody_has_opened_is_a_warning(declaration: Declaration) -> None:
+    listed = plan(declaration, "coastal")
+    (files,) = {id(entry.cell.robots): entry.cell.robots for entry in listed.entries}.values()
+    assert files is not None
+    source = files.sources["sparus"]
+    assert source.robot is not None
+    token = SealedSecret("$ANSIBLE_VAULT;1.1;AES256\n30")
+    sealed = replace(source, robot=source.robot.model_copy(update={"token": token}))
+    files.sources = {**files.sources, "sparus": sealed}
+    found = judged(listed, "sparus/robot/discovered", heard(SimulatedRobots.honest(declaration, "coastal").here))
+    assert (found.verdict, codes(found)) == (Verdict.WARN, ["token-sealed"])
+
+
+MEMBER = VpnMember("iqua-sparus", "sparus", admitted=True)
+VPN: Mapping[str, tuple[tuple[VpnMember, ...], Verdict, str]] = {
+    "connected": ((replace(MEMBER, session="192.0.2.7:1194"),), Verdict.PASS, "member-connected"),
+    "one of two": ((MEMBER, replace(MEMBER, name="b", session="192.0.2.7:1194")), Verdict.PASS, "member-connected"),
+    "away": ((MEMBER,), Verdict.FAIL, "member-away"),
+    "revoked": ((replace(MEMBER, admitted=False),), Verdict.FAIL, "no-member"),
+    "another's": ((replace(MEMBER, vehicle="zarco", session="192.0.2.7:1194"),), Verdict.SKIP, "behind-router"),
+    "none": ((), Verdict.SKIP, "behind-router"),
+}
+
+
+@pytest.mark.parametrize("case", VPN)
+def test_the_robots_own_member_is_connected(coastal: Checklist, case: str) -> None:
+    members, verdict, code = VPN[case]
+    found = judged(coastal, OF_SPARUS[0], VpnMembersResult(None, "", members))
+    assert (found.verdict, codes(found)) == (verdict, [code])
+
+
+def test_a_robot_that_is_neither_in_the_vpn_nor_in_the_lan_fails(declaration: Declaration) -> None:
+    site = declaration.sites["coastal"]
+    bare = site.model_copy(update={"lan": site.lan.model_copy(update={"reservations": ()})})
+    listed = plan(replace(declaration, sites={**declaration.sites, "coastal": bare}), "coastal")
+    found = judged(listed, OF_SPARUS[0], VpnMembersResult(None))
+    assert (found.verdict, codes(found)) == (Verdict.FAIL, ["no-member"])
+
+
+@pytest.fixture
+def inventory(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(ROOT / "inventory", tmp_path / "inventory"))
+
+
+def test_a_file_with_errors_hinders_no_list_and_is_not_green(
+    inventory: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (inventory / "robots" / "sparus.yml").write_text("namespace: [\n")
+    listed = plan(load(inventory), "coastal")
+    assert [entry.item.id for entry in listed.entries if entry.item.id.startswith("sparus/robot")] == [OF_SPARUS[1]]
+    (entry,) = (entry for entry in listed.entries if entry.item.id == OF_SPARUS[1])
+    assert entry.step.probe is not None
+    found = entry.step.probe.judge({})
+    assert (found.verdict, codes(found)) == (Verdict.INCONCLUSIVE, ["file-unreadable"])
+    (words,) = advised(found.findings[0].hint or "")
+    assert main([*words, f"inventory={inventory}"]) == ExitCode.USAGE
+    assert "sparus.yml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("keys", ["keys: [\n", "keys: {namespace: 3}\n"])
+def test_wrong_names_of_keys_leave_no_robot_to_compare_with(inventory: Path, keys: str) -> None:
+    (inventory / "robots" / "keys.yml").write_text(keys)
+    listed = plan(load(inventory), "coastal", Scope(endpoints=("robot",)))
+    assert len(listed.entries) == 7
+    assert {entry.item.id.rpartition("/")[2] for entry in listed.entries} == {"discovered", "strangers"}
+
+
+def test_a_vehicle_without_a_file_is_named_in_a_note(inventory: Path) -> None:
+    (inventory / "robots" / "sparus.yml").unlink()
+    (inventory / "robots" / "zarco.yml").unlink()
+    listed = plan(load(inventory), "coastal")
+    assert not [entry for entry in listed.entries if entry.item.id.startswith(("sparus/robot", "zarco/robot"))]
+    note = "not looked at, for there is no file of theirs below robots/: what Sparus, Zarco publish"
+    assert note in listed.notes
+    shutil.rmtree(inventory / "robots")
+    without = plan(load(inventory), "coastal")
+    assert not [entry for entry in without.entries if entry.item.endpoint == "robot"]
+
+
+def test_guests_have_no_items_of_robots(declaration: Declaration) -> None:
+    guest = declaration.vehicles["sparus"].model_copy(update={"guest": True, "partner": "iqua"})
+    listed = plan(replace(declaration, vehicles={**declaration.vehicles, "sparus": guest}), "coastal")
+    assert not [entry for entry in listed.entries if entry.item.id.startswith("sparus/robot")]
+
+
+def test_without_a_control_centre_a_person_looks(declaration: Declaration) -> None:
+    hosts = {key: host for key, host in declaration.hosts.items() if key != "scc-control"}
+    files = robot_files.RobotFiles.read(declaration, "coastal")
+    cell = Cell(replace(declaration, hosts=hosts), "coastal", "sparus", "robot", robots=files)
+    (step,) = (step for step in robot.steps(cell) if step.name == "control-centre")
+    assert (step.kind, step.probe) == (ItemKind.PERSON, None)
+    assert step.do.startswith("No control centre is declared")
+
+
+def test_the_real_site_says_why_it_could_not_ask(declaration: Declaration) -> None:
+    """No packet leaves for the addresses of an example."""
+    request = NOWHERE.model_copy(update={"rehearsed": False})
+    questions: list[tuple[str, Question]] = [
+        ("here", RobotsHeardRequest("here")),
+        ("there", RobotsHeardRequest("there", "scc-control")),
+        ("vpn", VpnMembersRequest("vpn")),
+    ]
+    came: list[str] = []
+    ears = RealEars(declaration, "coastal", request)
+    answers = asyncio.run(ears.ask(Place.LAPTOP, None, questions, lambda key, _: came.append(key)))
+    assert sorted(came) == sorted(answers) == ["here", "there", "vpn"]
+    assert {answer.trouble for answer in answers.values()} == {Trouble.NO_PLACE}
+    for key in ("here", "vpn"):
+        assert "the inventory still holds example values" in answers[key].words
+    assert answers["there"].words
+
+
+def test_what_is_advised_can_be_typed(declaration: Declaration, coastal: Checklist) -> None:
+    seen = SimulatedRobots.honest(declaration, "coastal").here
+    (depth,) = (row for row in seen.writers if row.topic == "/sparus/depth")
+    depth.messages = 2
+    longer = judged(coastal, "sparus/robot/rates", heard(seen)).findings[0]
+    assert longer.code == "topic-rate-unknown"
+    away = judged(coastal, OF_SPARUS[0], VpnMembersResult(None, "", (MEMBER,))).findings[0]
+    for hint, first in ((longer.hint, "robot"), (away.hint, "vpn")):
+        (words,) = advised(hint or "")
+        name, rest = choose(words, COMMANDS)
+        assert name.startswith(first)
+        assert parse(load_command(name, COMMANDS).command, rest)
