@@ -170,10 +170,10 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     declaration, site = _declaration(arguments), arguments.word("site")
     _require_site(declaration, site)
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
+    record = _record(arguments, declaration)
     namespace, vault = arguments.optional("save"), vault_of(arguments)
     if namespace is not None:
         _ = vault.secrets  # whoever has no password is told before half a minute is over
-    record = _record(arguments, declaration)
     try:
         observation, reports = _listen(arguments, declaration, site, seconds, record)
     except KeyboardInterrupt:
@@ -184,7 +184,7 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     if record is not None and record.reason:
         code = ExitCode.CHECKS_FAILED
     if not arguments.flag("json"):
-        _tell_reports(reports, observation, robots.dds_of(declaration).domain)
+        _tell_heard(observation, reports, robots.dds_of(declaration).domain)
         _tell_recording(record)
     saved = robots.save(declaration, namespace, observation, vault.encrypt) if namespace is not None else None
     if arguments.flag("json"):
@@ -210,7 +210,7 @@ def _record(arguments: Arguments, declaration: Declaration) -> BagRecorder | Non
     return robots.recorder(declaration, folder)
 
 
-def _tell_reports(reports: Sequence[RobotReport], observation: Observation, number: int) -> None:
+def _tell_heard(observation: Observation, reports: Sequence[RobotReport], number: int) -> None:
     for report in reports:
         for line in _report_lines(report):
             print(line)
@@ -228,10 +228,10 @@ def _tell_recording(record: BagRecorder | None) -> None:
 
     if record is None:
         return
-    if not record.messages:
+    if record.messages:
+        print(translate(f"recorded in {shown_path(record.folder)}: {record.messages} messages, {size(record.octets)}"))
+    elif not record.reason:
         print(translate("nothing was recorded, for no message of a known type came"))
-        return
-    print(translate(f"recorded in {shown_path(record.folder)}: {record.messages} messages, {size(record.octets)}"))
     if record.reason:
         print(translate(f"the recording ended early: {record.reason}"))
 

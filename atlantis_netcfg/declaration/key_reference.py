@@ -106,6 +106,7 @@ _FORMS: Mapping[str, str] = {
     "key": "EXAMPLE-key",
     "key_file": "archive.asc",
     "mirror": "https://mirror.example.org/ros2",
+    "ros1_mirror": "https://mirror.example.org/ros",
     "mac": '"02:00:5E:00:01:10"',
     "master_uri": '"http://192.0.2.30:11311"',
     "model": "Thales VesseLINK",

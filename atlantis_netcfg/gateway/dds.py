@@ -40,6 +40,7 @@ from atlantis_netcfg.declaration.model import (
 from atlantis_netcfg.gateway.dds_link import links_without_dds
 from atlantis_netcfg.gateway.interop import SERVICE
 from atlantis_netcfg.gateway.recording import SERVICE as RECORDING
+from atlantis_netcfg.gateway.ros1_bridge import SERVICE as BRIDGE_OF_PACKAGES
 from atlantis_netcfg.gateway.services import BRIDGE, ENVIRONMENT, PROFILES
 from atlantis_netcfg.render import compiled, environment, template_folder
 
@@ -348,7 +349,7 @@ LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
 
 Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`: since Iron that may narrow the range of discovery.
 """
-_READERS = (SERVICE, RECORDING, BRIDGE)
+_READERS = (SERVICE, RECORDING, BRIDGE, BRIDGE_OF_PACKAGES)
 """Units that read a profile when they start, and keep it. One that does not run is left alone; one that waits for the
 VPN is not waited for.
 """

@@ -35,6 +35,8 @@ from atlantis_netcfg.gateway.openpgp import NotAKey, binary, public_keys
 from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Package
 from atlantis_netcfg.gateway.recording import packages as recorder
 from atlantis_netcfg.gateway.recording import recording
+from atlantis_netcfg.gateway.ros1_bridge import packages as bridge
+from atlantis_netcfg.gateway.ros1_bridge import ros1_bridge
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -136,6 +138,8 @@ class RosRelease:
     archives: Mapping[RosOrigin, Archive]
     alone: Mapping[str, str]
     """Keeps a process on its computer: for the test of talker and listener, and for nothing else."""
+    ros1: Mapping[RosOrigin, str] = field(default_factory=dict)
+    """Archives of the ROS 1 of that Ubuntu, signed by the same keys; where there is a bridge to it."""
 
 
 _LIVE = Archive(
@@ -163,6 +167,10 @@ RELEASES: Mapping[RosDistribution, RosRelease] = {
             date(2023, 6, 20),
             {RosOrigin.LIVE: _LIVE, RosOrigin.SNAPSHOT: _FINAL_FOXY},
             _BEFORE_IRON,
+            {
+                RosOrigin.LIVE: "http://packages.ros.org/ros/ubuntu",
+                RosOrigin.SNAPSHOT: "http://snapshots.ros.org/noetic/final/ubuntu",
+            },
         ),
         RosRelease("humble", "jammy", date(2027, 5, 31), {RosOrigin.LIVE: _LIVE}, _BEFORE_IRON),
         RosRelease("jazzy", "noble", date(2029, 5, 31), {RosOrigin.LIVE: _LIVE}, _SINCE_IRON),
@@ -171,6 +179,8 @@ RELEASES: Mapping[RosDistribution, RosRelease] = {
 
 _KEYRING = "/usr/share/keyrings/ros2-archive-keyring.gpg"
 _SOURCE = "/etc/apt/sources.list.d/ros2.sources"
+_SOURCE_ROS1 = "/etc/apt/sources.list.d/ros1.sources"
+_SAME_ROS1 = "/etc/apt/sources.list.d/ros-latest.list"
 _SAME = ("/etc/apt/sources.list.d/ros2.list", "/etc/apt/sources.list.d/ros2-latest.list")
 """What ROS' own instructions write: with another keyring for the same address apt refuses every source."""
 _PINS = "/etc/apt/preferences.d/atlantis-ros2"
@@ -198,7 +208,8 @@ class GatewayRos2:
     """What the role installs, writes and tries. Without declared ROS 2 nothing."""
 
     packages: tuple[Package, ...] = ()
-    source: str = ""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """Path to content; that of ROS 1 only where something of it is wanted."""
     pins: str = ""
     key: ArchiveKey | None = None
     codename: str = ""
@@ -218,10 +229,10 @@ class GatewayRos2:
         return {
             "packages": {
                 "packages": [{"name": package.name, "version": package.version} for package in self.packages],
-                "sources": [{"path": _SOURCE, "content": self.source}],
+                "sources": [{"path": path, "content": content} for path, content in self.sources.items()],
                 "keys": [key],
                 "pins": [{"path": _PINS, "content": self.pins}],
-                "absent": list(_SAME),
+                "absent": [*_SAME, _SAME_ROS1 if _SOURCE_ROS1 in self.sources else _SOURCE_ROS1],
                 "expected": {
                     "codename": self.codename,
                     "distribution": self.distribution,
@@ -261,15 +272,30 @@ def gateway_ros2(
         key, url, codename, system = stand_in.key, stand_in.url, stand_in.codename, stand_in.distribution
         notes = (*notes, f"{host.name}: stand-ins take the place of the packages of ROS 2")
     declared = host.device.recording if isinstance(host.device, Gateway) else None
-    packages = tuple(_packages(release, ros2, dds, () if declared is None else recorder(release.name)))
+    bridged = host.device.ros1_bridge is not None and host.device.ros1_bridge.archive is None
+    more = (*(() if declared is None else recorder(release.name)), *(bridge(release.name) if bridged else ()))
+    packages = tuple(_packages(release, ros2, dds, more))
+    urls = {_SOURCE: ("ROS 2", url)}
+    if bridged and stand_in is None:
+        urls[_SOURCE_ROS1] = "ROS 1", str(ros2.ros1_mirror or release.ros1[ros2.origin])
     return GatewayRos2(
         packages=packages,
-        source=_render("ros2.sources.j2", url=url, codename=codename, keyring=_KEYRING),
-        pins=_render("ros2.pref.j2", host=urlsplit(url).hostname, origin=ros2.origin.value, pins=ros2.pins),
+        sources={
+            path: _render("ros2.sources.j2", name=name, url=each, codename=codename, keyring=_KEYRING)
+            for path, (name, each) in urls.items()
+        },
+        pins=_render(
+            "ros2.pref.j2",
+            hosts=dict.fromkeys(urlsplit(each).hostname for _, each in urls.values()),
+            origin=ros2.origin.value,
+            pins=ros2.pins,
+        ),
         key=key,
         codename=codename,
         distribution=system,
-        configuration=_configuration(release, dds, packages).joined(recording(declared, release.name)),
+        configuration=_configuration(release, dds, packages)
+        .joined(recording(declared, release.name))
+        .joined(ros1_bridge(host.device.ros1_bridge, release.name)),
         notes=tuple(note for note in (*notes, key.note) if note is not None),
     )
 

@@ -151,8 +151,8 @@ def services(computer: ServerComputer, images: Mapping[str, str] | None = None) 
     `images`: a rehearsal's archives, name of a service -> SHA-256.
     """
     hosted = {service.name: made for service in computer.services if (made := _hosted(service)) is not None}
-    if computer.ros1_bridge is not None:
-        hosted[ROS1_BRIDGE] = _bridge(computer.ros1_bridge)
+    if computer.ros1_bridge is not None and computer.ros1_bridge.archive is not None:
+        hosted[ROS1_BRIDGE] = _bridge(computer.ros1_bridge, computer.ros1_bridge.archive)
     for name, sha256 in (images or {}).items():
         if (declared := hosted[name].container) is not None:
             hosted[name] = replace(hosted[name], container=replace(declared, sha256=sha256))
@@ -174,14 +174,14 @@ def services(computer: ServerComputer, images: Mapping[str, str] | None = None) 
             ),
             *(box.step() for box in boxes),
             ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
-            *(with_the_vpn(_START_BRIDGE, each.name) for each in hosted.values() if each.dds),
+            *(with_the_vpn(START_BRIDGE, each.name) for each in hosted.values() if each.dds),
         ),
         units=(*(containers.UNITS if boxes else ()), *map(_started, hosted.values())),
         brought=tuple(Brought(program.path, _not_brought(service, program)) for service, program in programs),
         checks=(
             *(box.check() for box in boxes),
             *(check for service in computer.services if service.started is not None for check in _checks(service)),
-            *(runs_with_the_vpn(_NO_BRIDGE, each.name) for each in hosted.values() if each.dds),
+            *(runs_with_the_vpn(BRIDGE_RUNS_NOT, each.name) for each in hosted.values() if each.dds),
         ),
     )
 
@@ -189,7 +189,8 @@ def services(computer: ServerComputer, images: Mapping[str, str] | None = None) 
 def packages(computer: ServerComputer) -> tuple[str, ...]:
     """What runs containers, where one is declared."""
     declared = any(service.container is not None for service in computer.services)
-    return containers.PACKAGES if declared or computer.ros1_bridge is not None else ()
+    bridge = computer.ros1_bridge
+    return containers.PACKAGES if declared or (bridge is not None and bridge.archive is not None) else ()
 
 
 def secret_word(service: str, variable: str) -> str:
@@ -261,8 +262,8 @@ def _is_privileged(service: HostedService) -> bool:
 
 BRIDGE = "atlantis-service-ros1-bridge.service"
 """The unit of the bridge to ROS 1."""
-_START_BRIDGE = "start the bridge to ROS 1 with the VPN, or take it away"
-_NO_BRIDGE = "the bridge to ROS 1 does not run, though the VPN's interface is there"
+START_BRIDGE = "start the bridge to ROS 1 with the VPN, or take it away"
+BRIDGE_RUNS_NOT = "the bridge to ROS 1 does not run, though the VPN's interface is there"
 _QUEUE = 10
 """Messages that the bridge keeps for a topic on its way back to ROS 1."""
 _SCRATCH = "/tmp"  # noqa: S108 - inside the container, where it is its own and in memory
@@ -270,24 +271,29 @@ _ALL_TOPICS = "ros2 run ros1_bridge dynamic_bridge --bridge-all-topics"
 _DECLARED_TOPICS = "sh -c 'rosparam load {topics} && exec ros2 run ros1_bridge parameter_bridge'"
 
 
-def _bridge(declared: Ros1Bridge) -> StartedService:
-    """Between the master of ROS 1 and DDS over the VPN, with the profile that every participant here has."""
-    user, stem = f"svc-{ROS1_BRIDGE}", _stem(ROS1_BRIDGE)
+def bridged_topics(declared: Ros1Bridge) -> str:
+    """The parameter `topics` of the master, from where the bridge takes them; empty: all."""
     rows = "".join(
         f"  - {{topic: {each.topic}, type: {each.type}, queue_size: {_QUEUE}}}\n" for each in declared.topics
     )
+    return f"topics:\n{rows}" if rows else ""
+
+
+def _bridge(declared: Ros1Bridge, archive: str) -> StartedService:
+    """Between the master of ROS 1 and DDS over the VPN, with the profile that every participant here has."""
+    user, stem = f"svc-{ROS1_BRIDGE}", _stem(ROS1_BRIDGE)
     topics = f"{containers.FOLDER}/{stem}.yaml"
     box = PodmanContainer(
         name=stem,
         service=ROS1_BRIDGE,
-        archive=declared.archive,
-        sha256=declared.sha256.lower(),
+        archive=archive,
+        sha256=(declared.sha256 or "").lower(),
         user=user,
         arguments=_DECLARED_TOPICS.format(topics=topics) if declared.topics else _ALL_TOPICS,
         volumes=(f"{PROFILES}:{PROFILES}:ro", *((f"{topics}:{topics}:ro",) if declared.topics else ())),
         variables=(("ROS_MASTER_URI", declared.master_uri), ("HOME", _SCRATCH), ("ROS_LOG_DIR", f"{_SCRATCH}/log")),
         env_files=(ENVIRONMENT,),
-        topics=f"topics:\n{rows}" if declared.topics else "",
+        topics=bridged_topics(declared),
         master=declared.master,
     )
     return StartedService(

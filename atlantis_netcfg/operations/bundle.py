@@ -160,7 +160,11 @@ def _archives(declaration: Declaration, host: Host) -> tuple[ContainerArchive, .
     if not isinstance(host.device, ServerComputer):
         return ()
     boxes = (*(service.container for service in host.device.services), host.device.ros1_bridge)
-    found = [(declaration.root / IMAGES / box.archive, box.sha256.lower()) for box in boxes if box is not None]
+    found = [
+        (declaration.root / IMAGES / box.archive, box.sha256.lower())
+        for box in boxes
+        if box is not None and box.archive is not None and box.sha256 is not None
+    ]
     return tuple(ContainerArchive(*each) for each in dict.fromkeys(found))
 
 

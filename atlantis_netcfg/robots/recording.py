@@ -76,7 +76,8 @@ class BagRecorder:
         try:
             self._bag.close()
         except (OSError, Error) as problem:
-            self.reason = str(problem)
+            self.messages = self.octets = 0
+            self.reason = f"it could not be finished: {problem}"
 
     def add(self, writer: HeardWriter, data: bytes) -> None:
         """Write a message that has just come."""

@@ -40,13 +40,12 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     """Everything of one robot, in the report's order."""
     if cell.robots is None or cell.vehicle is None:
         return ()
-    source = cell.robots.sources.get(cell.vehicle)
-    every = [replace(unreadable(cell), name="discovery")] if source is None else _of(cell, source.robot)
+    is_good = cell.vehicle in cell.robots.sources
+    every = _of(cell, cell.robots.robot(cell.vehicle)) if is_good else [replace(unreadable(cell), name="discovery")]
     return tuple(replace(step, phase=Phase.INTEGRATION) for step in every)
 
 
-def _of(cell: Cell, robot: RobotFile | None) -> Iterator[Step]:
-    assert robot is not None  # noqa: S101 - its file is good
+def _of(cell: Cell, robot: RobotFile) -> Iterator[Step]:
     yield vpn_step("vpn", cell)
     yield discovery_step("discovery", cell)
     kinds = {topic.kind for topic in robot.topics()}

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
+    from atlantis_netcfg.checklist.probes.step import Probe
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model.robot import PublishedTopic
     from atlantis_netcfg.robots.observation import HeardWriter, Observation, RobotReport
@@ -49,26 +50,17 @@ class RobotItem(StrEnum):
     STRANGERS = "strangers"
 
 
-ITEM_OF: Mapping[str, RobotItem] = {
-    "robot-missing": RobotItem.DISCOVERED,
-    "configuration-missing": RobotItem.DISCOVERED,
-    "configuration-rate": RobotItem.DISCOVERED,
-    "configuration-rate-unknown": RobotItem.DISCOVERED,
-    "configuration-differs": RobotItem.DISCOVERED,
-    "token": RobotItem.DISCOVERED,
-    "namespace-twice": RobotItem.DISCOVERED,
-    "topic-missing": RobotItem.TELEMETRY,
-    "topic-silent": RobotItem.TELEMETRY,
-    "topic-type": RobotItem.TELEMETRY,
-    "topic-unread": RobotItem.TELEMETRY,
-    "topic-stale": RobotItem.TELEMETRY,
-    "topic-frozen": RobotItem.POSE,
-    "topic-rate-above": RobotItem.RATES,
-    "topic-rate-below": RobotItem.RATES,
-    "topic-rate-unknown": RobotItem.RATES,
-    "robot-unknown": RobotItem.STRANGERS,
-    "configuration-unreadable": RobotItem.STRANGERS,
+_CODES: Mapping[RobotItem, tuple[str, ...]] = {
+    RobotItem.DISCOVERED: (
+        *("robot-missing", "namespace-twice", "token"),
+        *(f"configuration-{what}" for what in ("missing", "rate", "rate-unknown", "differs")),
+    ),
+    RobotItem.TELEMETRY: ("topic-missing", "topic-silent", "topic-type", "topic-unread", "topic-stale"),
+    RobotItem.POSE: ("topic-frozen",),
+    RobotItem.RATES: ("topic-rate-above", "topic-rate-below", "topic-rate-unknown"),
+    RobotItem.STRANGERS: ("robot-unknown", "configuration-unreadable"),
 }
+ITEM_OF: Mapping[str, RobotItem] = {code: item for item, codes in _CODES.items() for code in codes}
 """Code of a finding to its item; what telemetry finds of a pose or a position belongs to the pose."""
 MOVING: Final = frozenset(kind for kind in TopicKind if kind.moves)
 _LONGER = "listen longer: `for=60s`"
@@ -103,9 +95,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     )
 
 
-def _automatic(
-    name: str, title: str, probe: _VpnOfRobot | _Discovered | _TopicsHeard | _Strangers | _BrokenFile, unless: str = ""
-) -> Step:
+def _automatic(name: str, title: str, probe: Probe, unless: str = "") -> Step:
     phase = Phase.QUAY if name == RobotItem.POSE else Phase.BENCH
     return Step(name, title, ItemKind.AUTOMATIC, phase, None if unless else probe, unless=unless)
 
@@ -145,8 +135,7 @@ def _at_the_centre(cell: Cell) -> Step:
 
 def _topics_step(cell: Cell, item: RobotItem, kinds: frozenset[TopicKind]) -> Step:
     assert cell.robots is not None  # noqa: S101 - the caller has looked
-    robot = cell.robots.sources[cell.row].robot
-    assert robot is not None  # noqa: S101 - its file is good
+    robot = cell.robots.robot(cell.row)
     if item is RobotItem.POSE and robot.pose.library and not any(topic.kind in kinds for topic in robot.topics()):
         return pose_of_the_library(item, Phase.QUAY)
     probe = _TopicsHeard(cell.robots, cell.row, cell.name, cell.site, kinds, frozenset({item}))
@@ -253,15 +242,6 @@ class _OfRobot:
     name: str
     site: str
 
-    def _introduction(self, observation: Observation) -> RobotReport | BearerFinding:
-        """The robot, or that nothing follows from what was heard."""
-        report = self.robots.report(self.vehicle, observation)
-        if report.state is not RobotState.MISSING:
-            return report
-        message = f"{self.name} did not introduce itself, so that nothing is known of what it publishes"
-        hint = "make it be discovered first, then look again"
-        return BearerFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint)
-
 
 @dataclass(frozen=True, slots=True)
 class _Discovered(_OfRobot):
@@ -308,8 +288,7 @@ class _TopicsHeard(_OfRobot):
 
     def topics(self) -> tuple[PublishedTopic, ...]:
         """Those of the file that are meant."""
-        robot = self.robots.sources[self.vehicle].robot
-        return tuple(topic for topic in robot.topics() if topic.kind in self.kinds) if robot is not None else ()
+        return tuple(topic for topic in self.robots.robot(self.vehicle).topics() if topic.kind in self.kinds)
 
     def asks(self) -> tuple[Question, ...]:
         return (RobotsHeardRequest("heard"),)
@@ -318,15 +297,16 @@ class _TopicsHeard(_OfRobot):
         observation = _observation(results["heard"], "")
         if isinstance(observation, BearerFinding):
             return Judged((observation,))
-        report = self._introduction(observation)
-        robot = self.robots.sources[self.vehicle].robot
-        if isinstance(report, BearerFinding) or robot is None:
-            return Judged((report,) if isinstance(report, BearerFinding) else ())
+        report = self.robots.report(self.vehicle, observation)
+        if report.state is RobotState.MISSING:
+            message = f"{self.name} did not introduce itself, so that nothing is known of what it publishes"
+            hint = "make it be discovered first, then look again"
+            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint),))
         names = [topic.name for topic in self.topics()]
         writers = [writer for writer in report.topics if writer.topic in names and writer.messages]
         wrong = tuple(
             _worded(finding, self.site)
-            for topic, finding in topic_findings(robot, report.topics, observation)
+            for topic, finding in topic_findings(self.robots.robot(self.vehicle), report.topics, observation)
             if topic.kind in self.kinds and item_of(finding.code, topic.kind) in self.items
         )
         return Judged(wrong or (self._good(names, writers),), tuple(_evidence(writers)))

@@ -14,13 +14,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model.robot import RobotFile
     from atlantis_netcfg.declaration.robots.reading import RobotSource
     from atlantis_netcfg.robots.observation import Observation, RobotReport
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, repr=False)
 class RobotFiles:
-    """Robots by their vehicles; a file with errors hinders no list, for `provision validate` refuses it."""
+    """Robots by their vehicles; a file with errors hinders no list, for `provision validate` refuses it.
+
+    It holds the robots' tokens, and has no text form.
+    """
 
     names: KeyNames
     sources: Mapping[str, RobotSource]
@@ -47,6 +51,12 @@ class RobotFiles:
             return cls(KeyNames(), {}, tested)
         good = {each.vehicle: each for each in sources if each.robot is not None and not each.findings}
         return cls(names, {key: source for key, source in good.items() if key is not None}, tested)
+
+    def robot(self, vehicle: str) -> RobotFile:
+        """What a good file says."""
+        robot = self.sources[vehicle].robot
+        assert robot is not None  # noqa: S101 - it is good
+        return robot
 
     def reports(self, observation: Observation) -> list[RobotReport]:
         """Compare what was heard with all files; the items of a list share one observation."""

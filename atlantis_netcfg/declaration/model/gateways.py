@@ -84,6 +84,8 @@ class Ros2(Model):
     """Which archive the packages come from."""
     mirror: Url | None = None
     """In place of the archive's own address."""
+    ros1_mirror: Url | None = None
+    """The same for the archive of ROS 1, from which a computer with `ros1_bridge` beside foxy has its half of it."""
     key_file: Text | None = None
     """Below `keys` of the inventory: the key that signs the archive, where the shipped one does not."""
     packages: tuple[PackageName, ...] = ()

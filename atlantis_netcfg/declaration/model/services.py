@@ -249,9 +249,13 @@ class BridgedTopic(Model):
     """As ROS 2 calls it."""
 
 
-class Ros1Bridge(ImageArchive):
-    """`ros1_bridge` in a container: topics of a ROS 1 robot in ROS 2, and back."""
+class Ros1Bridge(Model):
+    """`ros1_bridge`: topics of a ROS 1 robot in ROS 2, and back. A package beside foxy, elsewhere in a container."""
 
+    archive: ArchiveName | None = None
+    """Of its image, in the folder `images` of the inventory; None: beside foxy, which has a package."""
+    sha256: Sha256 | None = None
+    """Of that file: `sha256sum` prints it. Another file is not loaded."""
     master_uri: Annotated[str, BeforeValidator(_master), text_like(r"^http://[0-9.]+:[0-9]{1,5}/?$")]
     """ROS_MASTER_URI: the master of ROS 1, by its address. That computer reaches the bridge at any port of its own."""
     topics: tuple[BridgedTopic, ...] = ()

@@ -157,19 +157,24 @@ def programs_apart(draft: Draft) -> Iterator[Finding]:
 
 def containers_possible(draft: Draft) -> Iterator[Finding]:
     """Containers are run by podman, which Ubuntu 20.04 does not have: the system that Foxy is installed on."""
-    if draft.pilot is None:
-        return
-    dds, ros2 = draft.pilot.dds, draft.pilot.gateways.ros2
     for host, _, device in draft.boxes(ServerComputer):
-        if ros2 is None or dds is None or dds.distribution is not RosDistribution.FOXY or not device.has_ros2:
+        if not _has_foxy(draft, device):
             continue
-        places: list[tuple[str | int, ...]] = [
-            ("services", index, "container") for index, each in enumerate(device.services) if each.container is not None
-        ]
-        for path in (*places, *([("ros1_bridge",)] if device.ros1_bridge is not None else [])):
-            message = f"`{host}` gets ROS 2 foxy, so that it has Ubuntu 20.04, and no podman is in the archive of that"
-            hint = "run the container on a computer without foxy: Debian 12 has podman"
-            yield draft.wrong(Part("device", host), path, message, hint)
+        message = f"`{host}` gets ROS 2 foxy, so that it has Ubuntu 20.04, and no podman is in the archive of that"
+        hint = "run the container on a computer without foxy: Debian 12 has podman"
+        for index, each in enumerate(device.services):
+            if each.container is not None:
+                yield draft.wrong(Part("device", host), ("services", index, "container"), message, hint)
+        if device.ros1_bridge is not None and device.ros1_bridge.archive is not None:
+            hint = "leave out `archive:` and `sha256:`: there the bridge is a package of ROS"
+            yield draft.wrong(Part("device", host), ("ros1_bridge",), message, hint)
+
+
+def _has_foxy(draft: Draft, device: ServerComputer) -> bool:
+    """Whether a computer gets it, and with it the packages of its archive."""
+    if draft.pilot is None or draft.pilot.dds is None or draft.pilot.gateways.ros2 is None:
+        return False
+    return draft.pilot.dds.distribution is RosDistribution.FOXY and device.has_ros2
 
 
 def bridges_possible(draft: Draft) -> Iterator[Finding]:
@@ -193,6 +198,21 @@ def bridges_possible(draft: Draft) -> Iterator[Finding]:
             if topic in topics[:index]:
                 path = ("ros1_bridge", "topics", index)
                 yield draft.wrong(part, path, f"`{topic}` stands twice in this list", "remove one")
+
+
+def bridge_is_package_or_image(draft: Draft) -> Iterator[Finding]:
+    """The archive of foxy has the bridge; elsewhere somebody brings an image."""
+    for host, _, device in draft.boxes(ServerComputer):
+        part, bridge = Part("device", host), device.ros1_bridge
+        if bridge is None:
+            continue
+        if (bridge.archive is None) is not (bridge.sha256 is None):
+            message = f"the bridge of `{host}` has one of `archive:` and `sha256:`, which belong together"
+            yield draft.wrong(part, ("ros1_bridge",), message, "write both; beside foxy neither")
+        elif bridge.archive is None and draft.pilot is not None and not _has_foxy(draft, device):
+            message = f"the bridge of `{host}` is no package there, for `{host}` does not get ROS 2 foxy"
+            hint = "write `archive:` and `sha256:` of an image that holds it: docs/control-centre.md says how"
+            yield draft.wrong(part, ("ros1_bridge",), message, hint)
 
 
 def choices_declared(draft: Draft) -> Iterator[Finding]:
@@ -237,6 +257,7 @@ RULES: tuple[Rule, ...] = (
     programs_apart,
     containers_possible,
     bridges_possible,
+    bridge_is_package_or_image,
     choices_declared,
     recorder_declared,
 )

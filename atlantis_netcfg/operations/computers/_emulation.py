@@ -39,6 +39,7 @@ from atlantis_netcfg.gateway.containers import IMAGES
 from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.recording import packages as recorder
 from atlantis_netcfg.gateway.retrieval import PACKAGES as RETRIEVAL
+from atlantis_netcfg.gateway.ros1_bridge import packages as bridge
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.request import StandIns, Target
@@ -159,7 +160,7 @@ def _served(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder:
     if pilot.dds is None or pilot.gateways.ros2 is None:
         return None
     release = pilot.dds.distribution.value
-    packages = stubs.ros_packages(release, more=(*pilot.gateways.ros2.packages, *recorder(release)))
+    packages = stubs.ros_packages(release, more=(*pilot.gateways.ros2.packages, *recorder(release), *bridge(release)))
     archive = stubs.publish(folder / "archive", packages, codename=_CODENAME)
     repositories = ""
     if (interop := pilot.gateways.interop) is not None:
@@ -213,7 +214,7 @@ def _imaged(machine: lab.Machine, device: Model, root: Path) -> dict[str, str]:
     declared[ROS1_BRIDGE] = (device.ros1_bridge, "tcp", 0)
     images = {}
     for name, (box, kind, port) in declared.items():
-        if box is not None:
+        if box is not None and box.archive is not None:
             archive = stubs.service_image(root, kind, port)
             images[name] = hashlib.sha256(archive).hexdigest()
             machine.put_bytes(f"{IMAGES}/{images[name]}.tar", archive)

@@ -23,7 +23,8 @@ def checks(*words: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.smoke
 def test_items_are_tests(tmp_path: Path) -> None:
     junit, answers = tmp_path / "checks.xml", tmp_path / "answers.yml"
-    answers.write_text("name: A. Technician\nanswers:\n  eca-rov/usbl: {verdict: WARN, note: it jumps}\n")
+    pose = "eca-rov/robot/pose: {verdict: PASS}"
+    answers.write_text(f"name: A. Technician\nanswers:\n  eca-rov/usbl: {{verdict: WARN, note: it jumps}}\n  {pose}\n")
     assert main([*ROV, "--answers", str(answers)]) == 0
     done = checks(
         "--vehicle", "stork,eca-rov", "--endpoint=gps,ethernet,usbl,rc_rf", "--rehearse", f"--junitxml={junit}"

@@ -14,7 +14,7 @@ from atlantis_netcfg.cli import main
 
 pytestmark = pytest.mark.slow
 
-WORDS = ("check", "site=coastal", "vehicle=eca-rov", "--rehearse")
+WORDS = ("check", "site=coastal", "vehicle=eca-rov", "endpoint=usbl,ethernet", "--rehearse")
 AGAIN_S = 5
 """After so long somebody presses it once more."""
 AT_A_TERMINAL = """
@@ -98,7 +98,7 @@ def test_ctrl_c_at_a_question_and_on_to_the_signature(
     code, said = first.ends()
     assert code == 4, said
     assert "stopped by Ctrl-C; what was found and answered until then is kept" in said
-    assert f"go on with `provision {' '.join(WORDS)}`" in said
+    assert f"go on with `provision {' '.join(WORDS)}`" in " ".join(said.split()), "it is broken where the line ends"
     again = terminals()
     again.answers("1 of 2 items are settled, 1 are open.", "")
     for question, answer in (

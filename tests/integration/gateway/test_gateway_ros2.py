@@ -10,6 +10,7 @@ from gateway_stand import Key, Start, ground, machine, technician  # noqa: F401 
 
 from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
+from atlantis_netcfg.gateway import ros1_bridge
 from atlantis_netcfg.gateway.recording import SERVICE, packages
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
@@ -18,6 +19,7 @@ UBUNTU = "ID=ubuntu\nVERSION_CODENAME=focal\n"
 FIRST, SECOND = "0.9.2-1stand.in", "0.9.3-1stand.in"
 STEP = "step talker and listener of ROS 2"
 SOURCE = "/etc/apt/sources.list.d/ros2.sources"
+MASTER = "http://192.0.2.30:11311"
 
 
 @dataclass
@@ -116,4 +118,30 @@ def test_a_recording_is_made_kept_and_taken_away(ros: Ros, tmp_path: Path) -> No
     ros.stand.declare({"recording": None}, "host_vars/coastal-gateway.yml", "device")
     assert f"absent /etc/systemd/system/{SERVICE}" in ros.stand.run()["changes"]
     assert on(f"systemctl is-enabled {SERVICE}", check=False).returncode != 0
+    assert ros.stand.run()["changes"] == []
+
+
+def test_a_bridge_to_ros_1_comes_with_its_archive_waits_and_is_taken_away(ros: Ros, tmp_path: Path) -> None:
+    """Its program is started by hand, as that of the recording; of ROS 1 there is no more than its set-up file."""
+    archive = publish(tmp_path / "archive", ros_packages("foxy", more=ros1_bridge.packages("foxy")), codename="focal")
+    ros.declare(archive, ros1_mirror=ros.serve(archive))
+    ros.stand.declare({"ros1_bridge": {"master_uri": MASTER}}, "host_vars/coastal-gateway.yml", "device")
+    told = ros.stand.run()
+    assert (told["status"], told["exit"]) == ("changed", 0), told["message"]
+    assert f"package ros-noetic-ros-comm {FIRST}" in told["changes"]
+    assert f"package ros-foxy-ros1-bridge {FIRST}" in told["changes"]
+    on = ros.stand.gateway.run
+    assert on("cat /etc/apt/sources.list.d/ros1.sources").stdout.startswith("# atlantis: the archive of ROS 1.")
+    assert ros.stand.run()["changes"] == []
+    unit = f"/etc/systemd/system/{ros1_bridge.SERVICE}"
+    assert on(f"systemd-analyze verify --man=no {unit}", check=False).stderr == ""
+    start = on(f"sed -n 's/^ExecStart=//p' {unit}").stdout.strip()
+    on(f"systemd-run --unit bridged --property=User=svc-ros1-bridge --property=ProtectSystem=strict {start}")
+    on("timeout 60 sh -c 'until journalctl --unit bridged --output cat | grep -q waiting; do sleep 0.2; done'")
+    assert f"waiting for the master of ROS 1 at {MASTER}" in on("journalctl --unit bridged --output cat").stdout
+    assert on("systemctl is-active bridged").stdout.strip() == "active"
+    on("systemctl stop bridged")
+    ros.stand.declare({"ros1_bridge": None}, "host_vars/coastal-gateway.yml", "device")
+    assert f"absent {unit}" in ros.stand.run()["changes"]
+    assert on("ls /etc/apt/sources.list.d").stdout.split() == ["ros2.sources"]
     assert ros.stand.run()["changes"] == []

@@ -1,5 +1,6 @@
 """The integration record of one robot: a list by itself, with a signature and a page of its own."""
 
+import json
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,6 +11,7 @@ from checklist_bench import HEAD, NAME, Clock
 
 from atlantis_netcfg.checklist import Book, Checklist, Confirmation, Scope, SigningRefused, books, plan
 from atlantis_netcfg.checklist.report import Document, ItemKind, Phase, lines, pages
+from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration, load
@@ -101,6 +103,43 @@ def test_items_of_the_pilots_own_stand_in_it(declaration: Declaration) -> None:
     assert listed.entries[-1].item.id == "sparus/items/label"
     assert [row.beside for row in listed.rows] == [("integration", "items")]
     assert "sparus/items/label" not in {entry.item.id for entry in plan(more, "coastal").entries}
+
+
+ANSWERS = f"""\
+name: {NAME}
+answers:
+  sparus/integration/ros1-bridge: {{verdict: SKIP, note: it speaks ROS 2}}
+  sparus/integration/bag-record: {{verdict: PASS, note: sparus.db3 has 4200 messages}}
+  sparus/integration/bag-replay: {{verdict: PASS, note: sparus.db3}}
+  sparus/integration/plan: {{verdict: PASS, note: two steps off the quay}}
+  sparus/integration/commands: {{verdict: PASS, note: all of them}}
+sign: true
+"""
+
+
+@pytest.mark.parametrize(
+    ("broken", "wrong"), [((), []), (("break=robot-topic-missing",), [("sparus/integration/booleans", "FAIL")])]
+)
+def test_a_rehearsed_one_is_signed_with_a_file_of_answers(
+    broken: tuple[str, ...],
+    wrong: list[tuple[str, str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    file = tmp_path / "answers.yml"
+    file.write_text(ANSWERS)
+    words = ("check", "site=coastal", "vehicle=sparus", "phase=integration", "--rehearse", "--json", *broken)
+    code = main([*words, "--answers", str(file)])
+    document = json.loads(capsys.readouterr().out)
+    assert code == document["exit"] == (6 if wrong else 0)
+    assert document["signed"]["by"] == NAME
+    verdicts = [(item["id"], item["verdict"]) for item in document["items"]]
+    assert len(verdicts) == len(PROBED) + len(PEOPLE)
+    bridge = ("sparus/integration/ros1-bridge", "SKIP")
+    assert [pair for pair in verdicts if pair[1] != "PASS"] == [*wrong, bridge]
+    assert "-token" not in json.dumps(document)
 
 
 def made(document: Document) -> Mapping[str, bytes]:

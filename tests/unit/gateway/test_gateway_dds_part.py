@@ -53,7 +53,12 @@ def test_whoever_reads_a_profile_is_restarted_by_what_it_reads_only() -> None:
         *(f"/etc/atlantis/dds/satellite/{name}" for name in ("cyclonedds.xml", "fastdds.xml", "ros.env")),
         ENVIRONMENT,
     ]
-    names = ("atlantis-data-gateway", "atlantis-recording", "atlantis-service-ros1-bridge")
+    names = (
+        "atlantis-data-gateway",
+        "atlantis-recording",
+        "atlantis-service-ros1-bridge",
+        "atlantis-ros1-bridge",
+    )
     assert configure["units"] == [{"name": f"{name}.service", "wait": False, "after": read} for name in names]
     assert configure["only"] == ["/etc/atlantis/dds"]
 

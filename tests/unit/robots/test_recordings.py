@@ -14,9 +14,10 @@ from rosbags.rosbag2 import Reader
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.declaration.robots.key_names import KeyNames
+from atlantis_netcfg.operations import robots
 from atlantis_netcfg.robots import replay
 from atlantis_netcfg.robots.message_types import MessageTypes
-from atlantis_netcfg.robots.observation import HeardWriter
+from atlantis_netcfg.robots.observation import HeardWriter, Observation
 from atlantis_netcfg.robots.recording import BagRecorder
 
 pytest.importorskip("cyclonedds", reason="PyPI has no cyclonedds for this machine")
@@ -119,6 +120,22 @@ def test_a_disk_that_fails_ends_the_recording(tmp_path: Path, monkeypatch: pytes
             recorder.add(DEPTH, content(DEPTH))
     assert (recorder.messages, recorder.reason) == (1, "database or disk is full")
     assert len(contents(tmp_path / "bag")) == 1
+
+
+def test_a_recording_that_cannot_be_finished_is_not_told_as_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(_: object) -> None:
+        raise sqlite3.OperationalError("disk I/O error")
+
+    monkeypatch.setattr("rosbags.rosbag2.Writer.close", full)
+    recorder = record(tmp_path / "bag", (DEPTH, content(DEPTH)))
+    monkeypatch.setattr(robots, "recorder", lambda *_: recorder)
+    monkeypatch.setattr(robots, "discover", lambda *_: (Observation(5.0, {"key": "10.64.1.22"}), []))
+    assert main(["robot", "discover", "site=coastal", "record=anywhere"]) == ExitCode.CHECKS_FAILED
+    shown = capsys.readouterr().out
+    assert "the recording ended early: it could not be finished: disk I/O error" in shown
+    assert "recorded in" not in shown
 
 
 def test_what_is_there_is_never_written_over(bag: Path, tmp_path: Path) -> None:
@@ -234,6 +251,12 @@ def test_a_broken_bag_is_told_and_nothing_is_published(
     with pytest.raises(UsageError, match=message):
         replay.read_bag(bag, TYPES, NAMES)
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_words_of_a_bag_move_no_cursor(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    change("UPDATE topics SET offered_qos_profiles = '[\x1b]0;x\x07'")(bag)
+    assert main(["robot", "mock", f"bag={bag}"]) == ExitCode.USAGE
+    assert not {"\x1b", "\x07"} & {*capsys.readouterr().err}
 
 
 def test_a_bag_without_its_metadata_is_read_as_well(bag: Path) -> None:

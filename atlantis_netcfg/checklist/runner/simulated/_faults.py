@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from atlantis_netcfg.checklist.runner.simulated._world import Act, World
-    from atlantis_netcfg.robots.observation import Observation
 
 
 @dataclass(frozen=True, slots=True)
@@ -519,7 +518,7 @@ _DISCOVERED = ("robot/discovered", "robot/control-centre")
 _PUBLISHED = ("robot/telemetry", "robot/pose", "robot/rates")
 
 
-def _robot(vehicle: str, change: Callable[[Observation, str], None]) -> Callable[[World], None]:
+def _robot(vehicle: str, change: robots.Change) -> Callable[[World], None]:
     return lambda world: world.robots.change(vehicle, change)
 
 
@@ -554,28 +553,32 @@ _ROBOTS: Mapping[str, RehearsedFault] = {
         _robot("eca-rov", robots.says("label: Leak", "label: Water")),
     ),
     "robot-twice": RehearsedFault(
-        "two robots call themselves Zarco", _turns("zarco", *_DISCOVERED), _robot("zarco", robots.twice)
+        "two robots call themselves Zarco", _turns("zarco", *_DISCOVERED), _robot("zarco", robots.another())
     ),
     "robot-stranger": RehearsedFault(
         "a robot that nobody has declared introduces itself",
         ("SITE/robot/strangers",),
-        _robot("sparus", robots.stranger),
+        _robot("sparus", robots.another("EXAMPLE_")),
     ),
     "robot-topic-missing": RehearsedFault(
         "Sparus does not publish its leak sensor",
         ("sparus/robot/telemetry",),
-        _robot("sparus", robots.without("/leak")),
+        _robot("sparus", robots.without("leak")),
     ),
     "robot-frozen": RehearsedFault(
-        "the pose of Mares is always the same", ("mares/robot/pose",), _robot("mares", robots.frozen("/pose"))
+        "the pose of Mares is always the same",
+        ("mares/robot/pose",),
+        _robot("mares", robots.topic("pose", lambda row: setattr(row, "contents", {b"1"}))),
     ),
     "robot-stale": RehearsedFault(
-        "the positions of Zarco are a minute old", ("zarco/robot/pose",), _robot("zarco", robots.stale("/fix"))
+        "the positions of Zarco are a minute old",
+        ("zarco/robot/pose",),
+        _robot("zarco", robots.topic("fix", lambda row: setattr(row, "stamp_age_s", 60.0))),
     ),
     "robot-rate": RehearsedFault(
         "Girona 500 publishes its depth 20 times a second",
         ("girona500/robot/rates",),
-        _robot("girona500", robots.at_rate("/depth", 20.0)),
+        _robot("girona500", robots.topic("depth", lambda row: setattr(row, "last_s", (row.messages - 1) / 20.0))),
     ),
 }
 

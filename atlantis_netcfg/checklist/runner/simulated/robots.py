@@ -20,9 +20,11 @@ from atlantis_netcfg.robots.mock import RATES_HZ
 from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from atlantis_netcfg.declaration import Declaration
+
+    Change = Callable[[Observation, str], None]
 
 NOT_REHEARSED: Final = (
     "robots: no packet of DDS is carried; what is heard follows from their files, and so does who is in the VPN",
@@ -58,7 +60,7 @@ class SimulatedRobots:
             return VpnMembersResult(None, "", tuple(self.members.values()))
         return RobotsHeardResult(None, "", self.centre if question.host else self.here)
 
-    def change(self, vehicle: str, change: Callable[[Observation, str], None]) -> None:
+    def change(self, vehicle: str, change: Change) -> None:
         """Change what a robot publishes, at both places. Raises KeyError where there is no such robot."""
         if vehicle not in self.members:
             raise KeyError(vehicle)
@@ -69,15 +71,15 @@ class SimulatedRobots:
 def honest_observation(files: RobotFiles, seconds: float = _SECONDS) -> Observation:
     """What is heard of robots that do as their files say; a participant is called as its vehicle."""
     observation = Observation(seconds)
-    for key, source in files.sources.items():
-        robot = source.robot
-        if robot is None or key not in files.tested:
+    for key in files.tested:
+        if key not in files.sources:
             continue
         observation.participants[key] = f"the emulated {key}"
         configuration = _writer(key, files.names.configuration_topic, CONFIGURATION_TYPE, 1.0, seconds)
-        observation.configurations.append(HeardConfiguration(configuration, source.text().encode()))
+        observation.configurations.append(HeardConfiguration(configuration, files.sources[key].text().encode()))
         observation.writers += [
-            _writer(key, topic.name, topic.message_type, RATES_HZ[topic.kind], seconds) for topic in robot.topics()
+            _writer(key, topic.name, topic.message_type, RATES_HZ[topic.kind], seconds)
+            for topic in files.robot(key).topics()
         ]
     return observation
 
@@ -90,12 +92,6 @@ def _writer(key: str, topic: str, kind: str, rate_hz: float, seconds: float) -> 
     )
 
 
-def of_robot(observation: Observation, vehicle: str, ending: str = "") -> Iterator[HeardWriter]:
-    """The publishers of a robot, of the topics that end so."""
-    rows = (row for row in observation.writers if row.participant == vehicle and row.topic.endswith(ending))
-    yield from rows
-
-
 def away(observation: Observation, vehicle: str) -> None:
     """Nothing of it is heard."""
     observation.participants.pop(vehicle, None)
@@ -103,47 +99,28 @@ def away(observation: Observation, vehicle: str) -> None:
     observation.configurations = [row for row in observation.configurations if row.writer.participant != vehicle]
 
 
-def without(ending: str) -> Callable[[Observation, str], None]:
-    """Let a robot not publish a topic."""
+def without(ending: str) -> Change:
+    """Let a robot not publish the topic that ends so."""
 
     def change(observation: Observation, vehicle: str) -> None:
-        gone = [*of_robot(observation, vehicle, ending)]
-        observation.writers = [row for row in observation.writers if row not in gone]
+        rows = observation.writers
+        observation.writers = [row for row in rows if row.participant != vehicle or not row.topic.endswith(ending)]
 
     return change
 
 
-def frozen(ending: str) -> Callable[[Observation, str], None]:
-    """Let a topic say the same all the time."""
+def topic(ending: str, change: Callable[[HeardWriter], None]) -> Change:
+    """Change the topic of a robot that ends so."""
 
-    def change(observation: Observation, vehicle: str) -> None:
-        for row in of_robot(observation, vehicle, ending):
-            row.contents = {b"1"}
+    def change_all(observation: Observation, vehicle: str) -> None:
+        for row in observation.writers:
+            if row.participant == vehicle and row.topic.endswith(ending):
+                change(row)
 
-    return change
-
-
-def stale(ending: str) -> Callable[[Observation, str], None]:
-    """Let the stamps of a topic be a minute old."""
-
-    def change(observation: Observation, vehicle: str) -> None:
-        for row in of_robot(observation, vehicle, ending):
-            row.stamp_age_s = 60.0
-
-    return change
+    return change_all
 
 
-def at_rate(ending: str, rate_hz: float) -> Callable[[Observation, str], None]:
-    """Let a topic come at another rate."""
-
-    def change(observation: Observation, vehicle: str) -> None:
-        for row in of_robot(observation, vehicle, ending):
-            row.last_s = (row.messages - 1) / rate_hz
-
-    return change
-
-
-def says(old: str, new: str) -> Callable[[Observation, str], None]:
+def says(old: str, new: str) -> Change:
     """Let a robot publish another configuration than that of its file."""
 
     def change(observation: Observation, vehicle: str) -> None:
@@ -154,21 +131,13 @@ def says(old: str, new: str) -> Callable[[Observation, str], None]:
     return change
 
 
-def twice(observation: Observation, vehicle: str) -> None:
-    """Let another participant have its namespace, which publishes nothing else."""
-    _also(observation, vehicle, "other", {})
+def another(namespace: str = "") -> Change:
+    """Let another participant introduce itself by the same file; `namespace`: before its name."""
 
+    def change(observation: Observation, vehicle: str) -> None:
+        row = next(each for each in observation.configurations if each.writer.participant == vehicle)
+        text = row.text.replace(b"namespace: ", f"namespace: {namespace}".encode())
+        observation.participants["another"] = "another emulated robot"
+        observation.configurations.append(HeardConfiguration(replace(row.writer, participant="another"), text))
 
-def stranger(observation: Observation, vehicle: str) -> None:
-    """Let a robot like this one come under a name that nobody has declared."""
-    _also(observation, vehicle, "stranger", {"namespace: ": "namespace: EXAMPLE_"})
-
-
-def _also(observation: Observation, vehicle: str, key: str, words: dict[str, str]) -> None:
-    row = next(each for each in observation.configurations if each.writer.participant == vehicle)
-    text = row.text.decode()
-    for old, new in words.items():
-        text = text.replace(old, new)
-    observation.participants[key] = f"the emulated {key}"
-    writer = replace(row.writer, participant=key, contents=set(row.writer.contents))
-    observation.configurations.append(HeardConfiguration(writer, text.encode()))
+    return change

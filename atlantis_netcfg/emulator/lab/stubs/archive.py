@@ -269,6 +269,7 @@ def ros_packages(
             {f"{home}/lib/demo_nodes_py/listener": program("listener")},
         ),
         StubPackage("python3-colcon-common-extensions", version, ("colcon",)),
+        StubPackage("ros-noetic-ros-comm", version, (), {"/opt/ros/noetic/setup.sh": "# stand-in, not ROS\n"}),
     )
     names = {package.name for package in known}
     others = dict.fromkeys((f"{ros}-rmw-cyclonedds-cpp", *more))

@@ -5,7 +5,10 @@ import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
+from ipaddress import IPv4Address
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import pytest
@@ -30,6 +33,7 @@ from atlantis_netcfg.checklist.probes import (
 from atlantis_netcfg.checklist.probes.step import Judged
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.checklist.runner.robots import vpn_members
 from atlantis_netcfg.checklist.runner.simulated import FAULTS
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.cli import main
@@ -42,8 +46,10 @@ from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration._yaml import SealedSecret
 from atlantis_netcfg.declaration.model.robot import TopicKind
 from atlantis_netcfg.declaration.robots.reading import read_declared
+from atlantis_netcfg.operations.vpn.server_state import VpnSession
 from atlantis_netcfg.robots import observation as observed
 from atlantis_netcfg.robots.observation import Observation
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, KeyType, Member, MemberKind, MemberLink, Wrap
 
 ROOT = Path(__file__).parents[4]
 OF_SPARUS = tuple(
@@ -261,6 +267,64 @@ def test_the_real_site_says_why_it_could_not_ask(declaration: Declaration) -> No
     for key in ("here", "vpn"):
         assert "the inventory still holds example values" in answers[key].words
     assert answers["there"].words
+
+
+def test_no_token_stands_in_the_text_of_a_list(coastal: Checklist) -> None:
+    text = repr(coastal)
+    assert "sparus/robot/discovered" in text
+    assert "-token" not in text.replace("token-sealed", "")
+
+
+NOW = datetime(2026, 11, 29, tzinfo=UTC)
+
+
+def certificate(name: str, standing: CertificateStatus) -> Certificate:
+    return Certificate(name, 1, "", NOW, NOW, Wrap.TLS_CRYPT_V2, KeyType.EC, standing)
+
+
+def session(name: str, address: str = "10.80.17.2") -> VpnSession:
+    return VpnSession(name, f"192.0.2.7:{len(name)}", address, NOW, 0, 0)
+
+
+def record(*members: tuple[str, str | None, tuple[Certificate, ...]]) -> SimpleNamespace:
+    rows = {
+        name: Member(
+            name, MemberKind.ROBOT, "iqua", name, IPv4Address("10.80.17.2"), MemberLink.FIBRE, vehicle, certificates
+        )
+        for name, vehicle, certificates in members
+    }
+    return SimpleNamespace(membership=lambda: SimpleNamespace(members=rows))
+
+
+@pytest.mark.parametrize("is_live", [True, False])
+def test_who_is_connected_is_the_servers_word_of_now(declaration: Declaration, *, is_live: bool) -> None:
+    """A certificate that was revoked, a handshake, and sessions that the server has written down long ago: none."""
+    good, gone = CertificateStatus.SEEN, CertificateStatus.REVOKED
+    authority = record(
+        ("iqua-a", "sparus", (certificate("iqua-a", gone), certificate("iqua-a.2", good))),
+        ("iqua-b", "zarco", (certificate("iqua-b", gone),)),
+        ("iqua-c", "mares", (certificate("iqua-c", good),)),
+        ("iqua-laptop", None, (certificate("iqua-laptop", good),)),
+    )
+    sessions = (session("iqua-a.2"), session("iqua-b"), session("iqua-c", address=""), session("iqua-laptop"))
+    state = SimpleNamespace(is_live=is_live, why="its socket is closed", sessions=sessions)
+    ended: list[bool] = []
+    link = SimpleNamespace(close=lambda: ended.append(True))
+    with (
+        patch("atlantis_netcfg.operations.vpn.server.over_ssh", lambda *_: lambda: link),
+        patch("atlantis_netcfg.operations.vpn.server_state.observe", lambda _: state),
+        patch("atlantis_netcfg.vpn.authority.authority.Authority.open", lambda _: authority),
+    ):
+        found = vpn_members(declaration, NOWHERE)
+    assert ended == [True]
+    if not is_live:
+        assert found == VpnMembersResult(Trouble.SILENT, "its socket is closed")
+        return
+    assert found.members == (
+        VpnMember("iqua-a", "sparus", admitted=True, session="192.0.2.7:8"),
+        VpnMember("iqua-b", "zarco", admitted=False),
+        VpnMember("iqua-c", "mares", admitted=True),
+    )
 
 
 def test_what_is_advised_can_be_typed(declaration: Declaration, coastal: Checklist) -> None:

@@ -1,0 +1,80 @@
+"""The bridge to ROS 1 as a package: on Ubuntu 20.04, where Foxy's archive has one and no podman is.
+
+ROS 1 is Noetic, the release of that Ubuntu. The names of packages and archives are those of osrf/docker_images,
+`ros/foxy/ubuntu/focal/ros1-bridge/Dockerfile`. Neither archive was queried from here, and the real bridge has not been
+run by us; `services` has the bridge in a container.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration.model import ROS1_BRIDGE
+from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Unit, run_on
+from atlantis_netcfg.gateway.services import (
+    BRIDGE_RUNS_NOT,
+    START_BRIDGE,
+    StartedService,
+    bridged_topics,
+    runs_with_the_vpn,
+    with_the_vpn,
+)
+from atlantis_netcfg.render import environment
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration.model import Ros1Bridge
+
+SERVICE = f"atlantis-{ROS1_BRIDGE}.service"
+"""Its name is none of the declared services', among which another part removes what is not declared."""
+ROS1 = "noetic"
+_USER = f"svc-{ROS1_BRIDGE}"
+_HOME = f"/var/lib/{_USER}"
+_PROGRAM = "/usr/local/lib/atlantis/ros1_bridge.sh"
+_TOPICS = "/etc/atlantis/ros1-bridge.yaml"
+_ACCOUNT = f"/usr/lib/sysusers.d/atlantis-{ROS1_BRIDGE}.conf"
+_FOLDER = f"/etc/tmpfiles.d/atlantis-{ROS1_BRIDGE}.conf"
+_UNIT = f"/etc/systemd/system/{SERVICE}"
+
+
+def packages(release: str) -> tuple[str, ...]:
+    """The bridge, and of ROS 1 what its set-up and `rosparam` are in."""
+    return f"ros-{release}-ros1-bridge", f"ros-{ROS1}-ros-comm"
+
+
+def ros1_bridge(declared: Ros1Bridge | None, release: str) -> Configuration:
+    """Pure. None, or one in a container: what is taken away."""
+    files = tuple(_files(declared, release)) if declared is not None and declared.archive is None else ()
+    laid = {file.path for file in files}
+    return Configuration(
+        files=files,
+        absent=tuple(path for path in (_UNIT, _PROGRAM, _TOPICS, _ACCOUNT, _FOLDER) if path not in laid),
+        steps=(
+            ConvergeStep("make the bridge's account", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
+            ConvergeStep("make the bridge's folder", run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)),
+            with_the_vpn(START_BRIDGE, SERVICE),
+        ),
+        units=(Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM, _TOPICS), wait=False),) if files else (),
+        checks=(runs_with_the_vpn(BRIDGE_RUNS_NOT, SERVICE),) if files else (),
+    )
+
+
+def _files(declared: Ros1Bridge, release: str) -> tuple[File, ...]:
+    started = StartedService(
+        name=SERVICE,
+        title="bridge to ROS 1",
+        user=_USER,
+        folder=_HOME,
+        command=f"/bin/sh {_PROGRAM}",
+        memory_mb=declared.memory_mb,
+        dds=True,
+    )
+    template = environment().get_template("gateway/ros1_bridge.sh.j2")
+    topics = _TOPICS if declared.topics else ""
+    program = template.render(bridge=declared, ros1=f"/opt/ros/{ROS1}", ros2=f"/opt/ros/{release}", topics=topics)
+    return (
+        File(_ACCOUNT, f'u {_USER} - "ATLANTIS bridge to ROS 1" {_HOME}\n'),
+        File(_FOLDER, f"d {_HOME} 0750 {_USER} {_USER} -\n"),
+        File(_PROGRAM, program, validate=("sh", "-n", "%s")),
+        *((File(_TOPICS, bridged_topics(declared)),) if topics else ()),
+        started.unit(),
+    )
