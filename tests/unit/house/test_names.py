@@ -103,10 +103,6 @@ SAME = {
     "ActionModule": "Ansible's name for the class of an action plugin",
     "CallbackModule": "Ansible's name for the class of a callback plugin",
     **dict.fromkeys(
-        ("Brought", "Check", "ConvergeStep", "Directory", "File", "Link", "Package", "Unit", "WayIn"),
-        "a part of a gateway, as it is declared and as the module of the collection is given it",
-    ),
-    **dict.fromkeys(
         ("CertificateChanged", "CertificateUnknown", "HostKeyChanged"), "a pin, of one kind of device each"
     ),
     "Crl": "the revocation list, here and on the server",
