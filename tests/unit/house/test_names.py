@@ -110,7 +110,6 @@ SAME = {
     "Spec": "the frozen base of an emulated device's models",
     **dict.fromkeys(("Decoder", "Packet", "Trap"), "the same thing, as the engine and as the emulated router have it"),
     "Direction": "up or down",
-    **dict.fromkeys(("NotAKey", "PublicKey"), "an OpenPGP key, on this computer and on a gateway"),
     "Repository": "a source of the library, as it is declared and as the module of the collection is given it",
     "Shape": "of a menu: one row, rows, or a fixed set of them",
 }
