@@ -34,6 +34,7 @@ HONEST = {"eca_rov", "girona500", "mares", "sparus", "stork", "zarco"}
 SOON_S, AGAIN_S = 5.0, 10.0
 """Until six robots are heard: at the beginning, and after the outage."""
 MOBILE = (LinkShape(20_000_000, 0.03, queue_bytes=2_000_000),) * 2
+_TRIES = 4
 LIES = {
     "missing_topic": ["declared", "topic-missing"],
     "wrong_type": ["declared", "topic-type"],
@@ -107,12 +108,16 @@ def test_robots_are_heard_at_the_control_centre_and_again_after_an_outage(site: 
     watcher = site.start(CENTRE, "watch")
     start = began(watcher)
     assert watcher.wait(lambda: heard(watcher, start).keys() == HONEST, start + SOON_S), watcher.lines
-    first = told(site.discover(CENTRE, 16))
-    assert first == {
+    expected = {
         "robots": {**{name: ["declared"] for name in HONEST}, **LIES, "away": ["missing", "robot-missing"]},
         "exit": 6,
         "others": {},
     }
+    for _ in range(_TRIES):  # on a busy machine a mock may publish too seldom for a while
+        first = told(site.discover(CENTRE, 16))
+        if first == expected:
+            break
+    assert first == expected
     site.net.links[ROUTER].cut()
     cut = time.monotonic()
     silence = told(site.discover(CENTRE, 5))
