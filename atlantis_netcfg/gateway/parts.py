@@ -10,11 +10,24 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import (
+    Brought,
+    Check,
+    ConvergeStep,
+    DesiredState,
+    Directory,
+    File,
+    SymbolicLink,
+    Unit,
+    WayIn,
+)
 from atlantis_netcfg.declaration.model import AddressBy, NetworkTool, SiteComputer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
+
+__all__ = ["Brought", "Check", "ConvergeStep", "Directory", "File", "SymbolicLink", "Unit", "WayIn"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,108 +38,13 @@ class Package:
     version: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Directory:
-    """A directory with a mode of its own; those above a file are made without being told."""
-
-    path: str
-    mode: str = "0755"
-    owner: str = "root"
-    group: str = "root"
-
-
-@dataclass(frozen=True, slots=True)
-class File:
-    """A file, whole; `validate` is a program that accepts it, with `%s` for its name."""
-
-    path: str
-    content: str
-    mode: str = "0644"
-    owner: str = "root"
-    group: str = "root"
-    validate: tuple[str, ...] = ()
-    hint: str = ""
-    """What to do where the validator does not accept it."""
-    finding: str = ""
-    """What that means, where it stops nothing else; empty: then nothing is changed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Link:
-    """A symbolic link."""
-
-    path: str
-    target: str
-
-
-@dataclass(frozen=True, slots=True)
-class ConvergeStep:
-    """A program, run when the files in `after` are not what it last succeeded with."""
-
-    name: str
-    run: tuple[str, ...]
-    after: tuple[str, ...] = ()
-
-
 def run_on(file: str, *program: str) -> tuple[str, ...]:
     """What a step runs with a file as its last argument: nothing where the file has been taken away."""
     return ("sh", "-c", '[ ! -e "$1" ] || { file="$1"; shift; exec "$@" "$file"; }', "sh", file, *program)
 
 
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """A unit of systemd; None leaves that as it is. It is restarted when the files in `after` are others."""
-
-    name: str
-    enabled: bool | None = None
-    active: bool | None = None
-    after: tuple[str, ...] = ()
-    reload: bool = False
-    wait: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class Brought:
-    """A file that a person brings, and what is told as long as it is missing."""
-
-    path: str
-    note: str
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """A program that only looks, in every run; where it does not succeed, the finding is told: no green end."""
-
-    run: tuple[str, ...]
-    finding: str
-    hint: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class WayIn:
-    """What must hold of the SSH session that brings all this: else nothing is changed."""
-
-    admit: tuple[str, ...]
-    port: int
-    key: bool
-    hint: str
-
-
-@dataclass(frozen=True, slots=True)
-class Configuration:
+class Configuration(DesiredState):
     """The parameters of `atlantis.netcfg.configure`."""
-
-    directories: tuple[Directory, ...] = ()
-    files: tuple[File, ...] = ()
-    links: tuple[Link, ...] = ()
-    absent: tuple[str, ...] = ()
-    only: tuple[str, ...] = ()
-    """Folders that are ours alone: whatever else stands in them goes."""
-    steps: tuple[ConvergeStep, ...] = ()
-    units: tuple[Unit, ...] = ()
-    brought: tuple[Brought, ...] = ()
-    checks: tuple[Check, ...] = ()
-    way_in: WayIn | None = None
 
     def joined(self, more: Configuration) -> Configuration:
         """Both in one round of the link; the way in stays this one's."""

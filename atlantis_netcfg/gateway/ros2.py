@@ -21,6 +21,11 @@ from datetime import UTC, date, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.openpgp import (
+    NotAKey,
+    binary,
+    public_keys,
+)
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import (
     Dds,
@@ -31,7 +36,6 @@ from atlantis_netcfg.declaration.model import (
     RosOrigin,
     ServerComputer,
 )
-from atlantis_netcfg.gateway.openpgp import NotAKey, binary, public_keys
 from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Package
 from atlantis_netcfg.gateway.recording import packages as recorder
 from atlantis_netcfg.gateway.recording import recording

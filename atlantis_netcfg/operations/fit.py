@@ -294,7 +294,7 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
         capacity = capacity_of(bearer, kept, now, days)
         by_itself = [flow for flow in flows[bearer.name].flows if flow.source is not TrafficSource.TELEMETRY]
         other = sum(flow.up for flow in by_itself) * 8 / DAY_S, sum(flow.down for flow in by_itself) * 8 / DAY_S
-        carrier = _Link(capacity, profile.messages, subscribers, other, bearer.name not in without)
+        carrier = _LinkLoad(capacity, profile.messages, subscribers, other, bearer.name not in without)
         fits.append(carrier.fit(links[bearer.name], topics))
     return VehicleFit(site, vehicle, profile.middleware, subscribers, tuple(fits))
 
@@ -351,7 +351,7 @@ def _bearers(declaration: Declaration, site: str, link: str | None, named: KeptR
 
 
 @dataclass(frozen=True, slots=True)
-class _Link:
+class _LinkLoad:
     """A bearer, and how topics go over it."""
 
     capacity: Capacity

@@ -31,6 +31,8 @@ _TOLERANCE: Final = 1.1
 _CHECK_ITS_FILE: Final = "ask its partner for the file that it publishes, and check that: `provision robot validate`"
 _MOST_FOREIGN: Final = 3
 """Addresses in other domains that are named at a robot that is missing."""
+_SURELY_FROZEN: Final = 10
+"""Messages without a change from which it is no chance any more."""
 _STALE_S: Final = 5.0
 """Stamps that differ so much from the time of arrival are of another clock, or of an old message."""
 
@@ -285,9 +287,11 @@ def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterat
                 message = f"{topic.name} comes at {rate:.2g} Hz, above the report's guideline"
             yield BearerFinding(Verdict.WARN, f"topic-rate-{way}", message, f"{guideline} (report, 3.3.3)")
     if topic.kind.moves and writer.messages >= _FEWEST and len(writer.contents) == 1:
+        # A receiver on the quay may give one position a few times; ten in a row is nobody's navigation.
+        verdict = Verdict.FAIL if writer.messages >= _SURELY_FROZEN else Verdict.WARN
         message = f"{topic.name} says the same in all of {writer.messages} messages"
         hint = "a robot on the water never keeps quite still: is its navigation running?"
-        yield BearerFinding(Verdict.WARN, "topic-frozen", message, hint)
+        yield BearerFinding(verdict, "topic-frozen", message, hint)
     if writer.stamp_age_s is not None and abs(writer.stamp_age_s) > _STALE_S:
         message = f"the stamps of {topic.name} are {abs(writer.stamp_age_s):.0f} s away from the listener's clock"
         hint = "compare the clocks of the robot and of the computer that listens"

@@ -21,6 +21,7 @@ from atlantis_netcfg.routeros._types import FEW_FOREIGN, Facts, Observed, PortCo
 from atlantis_netcfg.routeros.api import WINDOW, Command, Endpoint, Reply
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
 from atlantis_netcfg.routeros.pin import LTE, MONITOR, STATUS_FIELDS, monitor_of
+from atlantis_netcfg.routeros.safe_mode import READ, Holder
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED
 
 if TYPE_CHECKING:
@@ -83,7 +84,6 @@ def seconds(interval: str) -> float | None:
 
 
 _RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))
-_SAFE_MODE = Command("/safe-mode/print")
 _DEVICE_MODE = Command("/system/device-mode/print")
 _ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
 _HISTORY = Command("/system/history/print", (("count-only", ""),))
@@ -140,7 +140,7 @@ class _Preflight:
 
 
 # Last, so that who holds safe mode is the latest that is known.
-_PREFLIGHT = (_RESOURCE, _SAFE_MODE, _ACTIVE, _HISTORY, ARMED, _DEVICE_MODE)
+_PREFLIGHT = (_RESOURCE, READ, _ACTIVE, _HISTORY, ARMED, _DEVICE_MODE)
 _AGAIN = 2
 """So many of them are asked of a device that is known already: what it runs, and who holds safe mode."""
 
@@ -218,7 +218,7 @@ async def read_back(
     the next run. Settings have no rows to count, and are taken as `seen`. Raises Refused, SessionLost.
     """
     others = [path for path in seen.rows if path not in touched and MENUS[path].shape is not Shape.SINGLETON]
-    commands = [*map(printing, touched), *map(counting_rows, others), _RESOURCE, _SAFE_MODE]
+    commands = [*map(printing, touched), *map(counting_rows, others), _RESOURCE, READ]
     first, last = looks(counted, len(commands), endpoint.window)
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
@@ -228,7 +228,7 @@ async def read_back(
     found = merged(seen, list(touched), replies[: len(touched)])
     if moved:
         found = merged(found, moved, await session.flight([*map(printing, moved)]))
-    facts = replace(seen.facts, version=_version(resource.checked()), safe_mode_owner=_owner(holder))
+    facts = replace(seen.facts, version=_version(resource.checked()), safe_mode_owner=Holder.of(holder).who or None)
     counts = (read_counts(reply, resource) for reply in counters)
     return Observed(facts, found.rows, tuple(each for each in counts if each is not None), seen.modem)
 
@@ -388,16 +388,10 @@ def _facts(
         packages=(),
         policies=_policies(endpoint.user, rows) if is_requested else None,
         has_safe_mode=seen.safe_mode.trap is None,
-        safe_mode_owner=_owner(seen.safe_mode),
+        safe_mode_owner=Holder.of(seen.safe_mode).who or None,
         session_address=_session_address(seen.active, endpoint),
         history=_count(seen.history),
     )
-
-
-def _owner(safe_mode: Reply) -> str | None:
-    """Return who holds safe mode, or None."""
-    row = _first(safe_mode)
-    return (row.get("owner") or row.get("user") or "somebody") if row.get("enabled") in ("true", "yes") else None
 
 
 def _first(reply: Reply) -> Row:

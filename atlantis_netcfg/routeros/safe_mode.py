@@ -33,12 +33,14 @@ DEAD_SESSION_S = 600.0
 """Until safe mode of a dead session is undone: about nine minutes (manual, Configuration Management), and some."""
 
 READ = Command("/safe-mode/print")
-_TAKE, _RELEASE, _UNROLL = (Command(f"/safe-mode/{word}") for word in ("take", "release", "unroll"))
+TAKE, RELEASE, UNROLL = (Command(f"/safe-mode/{word}") for word in ("take", "release", "unroll"))
 _TRUE = ("true", "yes")
 
 
 class SafeModeUnavailable(DeviceFailed):
     """Safe mode is not ours: somebody else holds it, or it could not be taken."""
+
+    reason = "somebody else holds it"
 
 
 class ProtectionLost(DeviceFailed):
@@ -76,7 +78,9 @@ def _take_failed(take: Reply, holder: Holder) -> SafeModeUnavailable:
     if holder.taken and not holder.ours:
         return held_by(holder.who)
     words = take.trap.message if take.trap is not None else "it says it is not taken"
-    return SafeModeUnavailable(f"safe mode could not be taken: {words}")
+    failure = SafeModeUnavailable(f"safe mode could not be taken: {words}")
+    failure.reason = words
+    return failure
 
 
 class SafeMode(Protocol):
@@ -157,7 +161,7 @@ class ApiSafeMode(NoSafeMode):
     """Safe mode of the session that writes, from RouterOS 7.18. `silence_s`: for its answers, where not the usual."""
 
     beside: tuple[Command, ...] = (READ,)
-    taking: tuple[Command, ...] = (_TAKE, READ)
+    taking: tuple[Command, ...] = (TAKE, READ)
 
     def __init__(self, silence_s: float | None = None) -> None:
         self.silence_s = silence_s
@@ -193,7 +197,7 @@ class ApiSafeMode(NoSafeMode):
         def is_held(holder: Holder) -> bool:
             return holder.taken and holder.who == owner if owner else holder.ours
 
-        reply, seen, *witnessed = await session.flight([_RELEASE, READ, *witness], silence_s=self.silence_s)
+        reply, seen, *witnessed = await session.flight([RELEASE, READ, *witness], silence_s=self.silence_s)
         holder = Holder.of(seen)
         if is_held(holder):
             holder = await self.look(session)
@@ -216,7 +220,7 @@ class ApiSafeMode(NoSafeMode):
     async def unroll(self, session: Channel) -> None:
         """By command; the session lives on."""
         if (await self.look(session)).ours:
-            (await session.command(_UNROLL, silence_s=self.silence_s)).checked()
+            (await session.command(UNROLL, silence_s=self.silence_s)).checked()
 
     async def free(self, session: Channel) -> Holder:
         """One round trip."""

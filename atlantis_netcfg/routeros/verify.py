@@ -20,6 +20,7 @@ from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Endpoi
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
 from atlantis_netcfg.routeros.commands import executed, offered, refusal
 from atlantis_netcfg.routeros.pin import MODEMS, MONITOR, PinSim, monitor_of, sim_of
+from atlantis_netcfg.routeros.safe_mode import READ, TAKE, UNROLL, ApiSafeMode, Holder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -34,8 +35,7 @@ UNDO_S: Final = 720.0
 _SOON_S: Final = 60.0
 """A device that has heard of the end of a session undoes what it held before that."""
 _MENU: Final = "/ip/dns/static"
-_SAFE_MODE = Command("/safe-mode/print")
-_TRUE = ("true", "yes")
+_SAFE_MODE: Final = ApiSafeMode()
 _ISO = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d")
 _TIME = re.compile(r"(\d+(\.\d+)?(ms|us|[wdhms]))+|(\d+[wd])*\d\d:\d\d:\d\d(\.\d+)?")
 _SHARE = re.compile(r"\d+(\.\d+)?%?")
@@ -407,13 +407,13 @@ async def try_out(endpoint: Endpoint) -> tuple[AssumptionFinding, ...]:
 
 async def _refuse(session: Session) -> None:
     """Refuse where there is no safe mode, somebody holds it, or rows of an earlier try are left."""
-    state, *marked = await session.flight([_SAFE_MODE, *_EVERY_MARKED])
+    state, *marked = await session.flight([READ, *_EVERY_MARKED])
     if state.trap is not None:
         raise DeviceFailed(
             "nothing was tried: this device has no safe mode for the API",
             hint="it came with RouterOS 7.18; without `--try` the device is only read",
         )
-    if _holds(state):
+    if Holder.of(state).taken:
         raise DeviceFailed(
             "nothing was tried: somebody holds safe mode of this device",
             hint="wait until they have ended, or ten minutes if their link has died; without `--try` it is only read",
@@ -425,26 +425,11 @@ async def _refuse(session: Session) -> None:
         )
 
 
-def _holds(state: Reply) -> bool:
-    return any(row.get("enabled") in _TRUE for row in state.rows)
-
-
-def _mine(state: Reply) -> bool:
-    return any(row.get("current") in _TRUE for row in state.rows)
-
-
-async def _take(session: Session) -> None:
-    take = await session.command(Command("/safe-mode/take"))
-    take.checked()
-    if not _mine(await session.command(_SAFE_MODE)):
-        raise DeviceFailed("nothing was tried: safe mode was taken and is not this session's")
-
-
 async def _by_rows(endpoint: Endpoint, watcher: Session, found: dict[str, Judgement]) -> None:
     """Add rows by sentences and by scripts under safe mode, and take everything back."""
     before = [row.get(".id") for row in (await watcher.command(_ALL)).checked().rows]
     async with await Session.open(endpoint) as session:
-        await _take(session)
+        await _SAFE_MODE.take(session)
         try:
             replies = await session.flight([_add(f"flight-{number}") for number in range(WINDOW)])
         except SessionLost:
@@ -461,7 +446,7 @@ async def _by_rows(endpoint: Endpoint, watcher: Session, found: dict[str, Judgem
         await _by_scripts(session, found)
         found["name-in-routes"] = await _by_name(session)
         found["on-event-60k"] = await _by_job(session)
-        await session.command(Command("/safe-mode/unroll"))
+        await session.command(UNROLL)
     after = [row.get(".id") for row in (await watcher.command(_ALL)).checked().rows]
     marked = (await watcher.command(_MARKED)).checked().rows
     scripted = [row for row in marked if row.get("name", "").startswith("script-")]
@@ -573,13 +558,13 @@ def _script(text: str) -> Command:
 async def _by_two(endpoint: Endpoint, watcher: Session, found: dict[str, Judgement]) -> None:
     """Let a second session take safe mode from the first, which has changed nothing."""
     async with await Session.open(endpoint) as session:
-        await _take(session)
-        second = await watcher.command(Command("/safe-mode/take"))
-        still, robbed = _mine(await session.command(_SAFE_MODE)), _mine(await watcher.command(_SAFE_MODE))
+        await _SAFE_MODE.take(session)
+        second = await watcher.command(TAKE)
+        still, robbed = (await _SAFE_MODE.look(session)).ours, (await _SAFE_MODE.look(watcher)).ours
         if robbed:
-            await watcher.command(Command("/safe-mode/unroll"))
+            await watcher.command(UNROLL)
         elif still:
-            await session.command(Command("/safe-mode/unroll"))
+            await session.command(UNROLL)
     if second.trap is not None and still and not robbed:
         found["safe-mode-second-taker"] = (Verdict.PASS, f"`{second.trap.message}`")
     else:
@@ -591,7 +576,7 @@ async def _by_two(endpoint: Endpoint, watcher: Session, found: dict[str, Judgeme
 async def _by_close(endpoint: Endpoint, watcher: Session, found: dict[str, Judgement]) -> None:
     """Close a session that holds safe mode, and see how long its row stays."""
     async with await Session.open(endpoint) as session:
-        await _take(session)
+        await _SAFE_MODE.take(session)
         (await session.command(_add("close"))).checked()
     waited = await _gone(watcher, CLOSE_S)
     if waited is None:
@@ -606,7 +591,7 @@ async def fall_silent(endpoint: Endpoint) -> AssumptionFinding:
     async with await Session.open(endpoint) as session:
         await _refuse(session)
         try:
-            await _take(session)
+            await _SAFE_MODE.take(session)
             (await session.command(_add("silence"))).checked()
             session.fall_silent()
             async with await Session.open(endpoint) as watcher:
@@ -627,8 +612,8 @@ async def _gone(session: Session, within_s: float, every_s: float = 1.0) -> floa
     clock = asyncio.get_running_loop().time
     begun = clock()
     while True:
-        state, marked = await session.flight([_SAFE_MODE, _MARKED])
-        if not _holds(state) and not marked.checked().rows:
+        state, marked = await session.flight([READ, _MARKED])
+        if not Holder.of(state).taken and not marked.checked().rows:
             return clock() - begun
         if clock() - begun >= within_s:
             return None
@@ -645,14 +630,14 @@ async def _cleaned(endpoint: Endpoint) -> None:
         async with await Session.open(endpoint) as session:
             clock = asyncio.get_running_loop().time
             until = clock() + UNDO_S
-            while _holds(await session.command(_SAFE_MODE)) and clock() < until:  # noqa: ASYNC110 - the device tells when
+            while (await _SAFE_MODE.look(session)).taken and clock() < until:  # noqa: ASYNC110 - the device tells when
                 await asyncio.sleep(1.0)
             for menu, marked in zip(_SCRATCH_MENUS, await session.flight(_EVERY_MARKED), strict=True):
                 ids = ",".join(row[".id"] for row in marked.checked().rows)
                 if ids:
                     (await session.command(Command(f"{menu}/remove", ((".id", ids),)))).checked()
-            state, *left = await session.flight([_SAFE_MODE, *_EVERY_MARKED])
-            if _holds(state) or any(reply.checked().rows for reply in left):
+            state, *left = await session.flight([READ, *_EVERY_MARKED])
+            if Holder.of(state).taken or any(reply.checked().rows for reply in left):
                 raise unknown
     except DeviceFailed as lost:
         raise unknown from lost

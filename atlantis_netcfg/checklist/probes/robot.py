@@ -52,7 +52,7 @@ class RobotItem(StrEnum):
 
 _CODES: Mapping[RobotItem, tuple[str, ...]] = {
     RobotItem.DISCOVERED: (
-        *("robot-missing", "namespace-twice", "token"),
+        *("robot-missing", "other-domain", "namespace-twice", "token"),
         *(f"configuration-{what}" for what in ("missing", "rate", "rate-unknown", "differs")),
     ),
     RobotItem.TELEMETRY: ("topic-missing", "topic-silent", "topic-type", "topic-unread", "topic-stale"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -14,10 +15,13 @@ from atlantis_netcfg.checklist.probes import (
     Place,
     Question,
     ReflectRequest,
+    RobotsHeardRequest,
     RouterOsQuery,
     RunProgram,
 )
 from atlantis_netcfg.checklist.probes.agent import batch, program
+from atlantis_netcfg.checklist.runner.robots import listening_preview
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.operations.allow_list_test.site import previews as proof_previews
 from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -72,6 +76,7 @@ def previews(
         *_of_gateway(declaration, site, questions, request),
         *_of_routers(declaration, site, questions, request),
         *_of_proofs(declaration, site, questions, request),
+        *_of_robots(declaration, site, questions),
     )
     return tuple(item for item in found if item.link.metered)
 
@@ -106,6 +111,13 @@ def _of_proofs(
         found = satellite_of(declaration, site, name)
         via = request.via.get(found.router.name)
         yield from proof_previews(declaration, found.proving(declaration, rehearsed=False, via=via))
+
+
+def _of_robots(declaration: Declaration, site: str, questions: Sequence[Question]) -> Iterator[Preview]:
+    for question in dict.fromkeys(replace(each, name="") for each in questions if isinstance(each, RobotsHeardRequest)):
+        with suppress(NetcfgError):  # who cannot listen pays nothing, and the item says why
+            if (cost := listening_preview(declaration, site, question)) is not None:
+                yield cost
 
 
 def expected(declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions) -> Preview:

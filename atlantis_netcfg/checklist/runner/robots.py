@@ -16,10 +16,12 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, in_words, unanswered
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.operations.costs import unpaid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from atlantis_netcfg.bearers.cost import Preview
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
 
@@ -43,16 +45,36 @@ async def ask_robots(
 async def _answer(declaration: Declaration, site: str, request: Request, question: Question) -> Answer:
     if not isinstance(question, RobotsHeardRequest):
         return await asyncio.to_thread(vpn_members, declaration, request)
-    if question.host:
-        return _heard_there(question)
     from atlantis_netcfg.operations.robots import hear  # noqa: PLC0415 - few checklists ask for it
+    from atlantis_netcfg.operations.robots_remote import listen_there  # noqa: PLC0415 - as above
 
-    return RobotsHeardResult(None, "", await hear(declaration, site, question.seconds))
+    cost = await asyncio.to_thread(listening_preview, declaration, site, question)
+    if cost is not None and cost.over_cap:
+        raise cost.refusal()
+    if cost is not None and not request.accept_cost:
+        raise unpaid([cost.words], request.command)
+    if not question.host:
+        return RobotsHeardResult(None, "", await hear(declaration, site, question.seconds))
+    host, seconds = declaration.hosts[question.host], question.seconds
+    listening = asyncio.to_thread(listen_there, declaration, host, seconds, sites=[site], request=request)
+    return RobotsHeardResult(None, "", await listening)
 
 
-def _heard_there(question: RobotsHeardRequest) -> Answer:
-    """What another computer of the pilot hears; nothing listens there yet."""
-    return unanswered(question, f"this version cannot listen at {question.host}")
+def listening_preview(declaration: Declaration, site: str, question: RobotsHeardRequest) -> Preview | None:
+    """What one listening costs where all links of the site are metered; None: nothing.
+
+    Raises NetcfgError where nobody knows by which address it listens.
+    """
+    from atlantis_netcfg.operations.robots import dds_of, listening_address  # noqa: PLC0415 - as above
+    from atlantis_netcfg.operations.robots_cost import listening_cost  # noqa: PLC0415 - as above
+    from atlantis_netcfg.operations.robots_remote import listening_computer  # noqa: PLC0415 - as above
+
+    def address() -> str:
+        if not question.host:
+            return listening_address(declaration, site, None)
+        return dds_of(declaration).address_of(listening_computer(declaration, declaration.hosts[question.host]))
+
+    return listening_cost(declaration, site, question.seconds, address)
 
 
 def vpn_members(declaration: Declaration, request: Request) -> VpnMembersResult:

@@ -42,6 +42,7 @@ from atlantis_netcfg.operations.allow_list_test.plan import (
 )
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, HEADERS, on_the_wire
+from atlantis_netcfg.routeros.safe_mode import RELEASE, UNROLL, ApiSafeMode, SafeModeUnavailable
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
 
 
 _FILTER = "/ip/firewall/filter"
-_TRUE = frozenset({"true", "yes"})
 
 
 @asynccontextmanager
@@ -83,14 +83,13 @@ def filter_rows(reading: NameReading, chains: tuple[str, str], address: str) -> 
 
 
 async def _take(session: Session) -> None:
-    take, state = await session.flight([Command("/safe-mode/take"), Command("/safe-mode/print")])
-    row = state.rows[0] if state.trap is None and state.rows else {}
-    if take.trap is not None or row.get("current") not in _TRUE:
-        words = take.trap.message if take.trap is not None else "somebody else holds it"
+    try:
+        await ApiSafeMode().take(session)
+    except SafeModeUnavailable as unavailable:
         raise DeviceFailed(
-            f"safe mode could not be taken, so nothing was changed for the proof: {words}",
+            f"safe mode could not be taken, so nothing was changed for the proof: {unavailable.reason}",
             hint="it needs RouterOS 7.18 or later, and nobody else may hold it",
-        )
+        ) from unavailable
 
 
 def _first(reading: NameReading, chain: str) -> str:
@@ -110,9 +109,9 @@ async def _close(session: Session, rows: Sequence[Command], added: Sequence[Repl
     removals = [Command(f"{_menu(row)}/remove", ((".id", reply.ret),)) for row, reply in there if reply.ret is not None]
     await session.flight(removals)
     if await _gone(session, rows):
-        await session.flight([Command("/safe-mode/release")])
+        await session.flight([RELEASE])
         return
-    await session.flight([Command("/safe-mode/unroll")])
+    await session.flight([UNROLL])
     if not await _gone(session, rows):
         raise OutcomeUnknown(
             "the router does not say that the rows of the proof are gone",

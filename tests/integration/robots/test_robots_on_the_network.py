@@ -118,7 +118,7 @@ RECORD: dict[str, dict[str, str]] = {
     "often": {"numbers": "WARN"},
     "missing_topic": {"booleans": "FAIL"},
     "wrong_type": {"numbers": "FAIL"},
-    "frozen": {"pose": "WARN"},
+    "frozen": {"pose": "FAIL"},
     "stale": {"gps": "FAIL"},
     "wrong_token": {"discovery": "FAIL"},
     "other_file": {"discovery": "FAIL"},

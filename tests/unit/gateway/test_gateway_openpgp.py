@@ -10,8 +10,13 @@ from pathlib import Path
 import pytest
 from row_subtests import for_each_row
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.openpgp import (
+    NotAKey,
+    PublicKey,
+    binary,
+    public_keys,
+)
 from atlantis_netcfg.emulator.lab.stubs import publish
-from atlantis_netcfg.gateway.openpgp import NotAKey, PublicKey, binary, public_keys
 
 KEYRINGS = sorted(Path("/usr/share/keyrings").glob("debian-archive-*.gpg"))
 

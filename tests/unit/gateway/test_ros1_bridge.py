@@ -14,6 +14,9 @@ from atlantis_netcfg.gateway import containers, services
 from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.ros1_bridge import SERVICE, packages, ros1_bridge
 from atlantis_netcfg.gateway.ros2 import ArchiveKey, StandIn, gateway_ros2
+from atlantis_netcfg.operations.bundle import wish_of
+from atlantis_netcfg.operations.computers.parts import PARTS
+from atlantis_netcfg.operations.request import Request
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"
@@ -99,6 +102,15 @@ def test_one_archive_of_stand_ins_takes_the_place_of_both(inventory: Path, tmp_p
     (content,) = sources(told).values()
     assert "URIs: http://192.0.2.1" in content
     assert {*packages("foxy")} <= {each["name"] for each in told["packages"]["packages"]}
+
+
+def test_a_bundle_brings_what_is_in_both_archives(inventory: Path, tmp_path: Path) -> None:
+    declaration = pilot(inventory, {})
+    parts = {"gateway_ros2": PARTS["gateway_ros2"]}
+    wish = wish_of(declaration, declaration.hosts[HOST], Request(state=tmp_path), parts=parts)
+    assert [each.path for each in wish.sources] == ["/etc/apt/sources.list.d/ros2.sources", ROS1]
+    assert {*packages("foxy")} <= {each.name for each in wish.packages}
+    assert wish.archives == ()
 
 
 def test_no_container_is_run_for_it(inventory: Path) -> None:

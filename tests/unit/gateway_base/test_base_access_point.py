@@ -66,8 +66,8 @@ def test_its_key_comes_from_the_declaration_and_is_shown_nowhere(tmp_path: Path)
     assert "EXAMPLE-gateway-key" not in json.dumps(told)
     secrets = dict.fromkeys(told["secrets"], "EXAMPLE-of-a-robot") | {told["own_secret"]: "EXAMPLE-gateway-key"}
     laid = {file.path: file for file in DesiredState.of({**told["configure"], "secrets": secrets}).files}
-    assert b"wpa_passphrase=EXAMPLE-gateway-key\n" in laid[FILE].content
-    assert (laid[FILE].secret, laid[FILE].mode) == (True, 0o600)
+    assert "wpa_passphrase=EXAMPLE-gateway-key\n" in laid[FILE].content
+    assert (laid[FILE].secret, laid[FILE].mode) == (True, "0600")
 
 
 def test_stations_may_reach_each_other_where_it_is_declared(tmp_path: Path) -> None:

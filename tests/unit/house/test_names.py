@@ -103,10 +103,6 @@ SAME = {
     "ActionModule": "Ansible's name for the class of an action plugin",
     "CallbackModule": "Ansible's name for the class of a callback plugin",
     **dict.fromkeys(
-        ("Brought", "Check", "ConvergeStep", "Directory", "File", "Link", "Package", "Unit", "WayIn"),
-        "a part of a gateway, as it is declared and as the module of the collection is given it",
-    ),
-    **dict.fromkeys(
         ("CertificateChanged", "CertificateUnknown", "HostKeyChanged"), "a pin, of one kind of device each"
     ),
     "Crl": "the revocation list, here and on the server",
@@ -114,7 +110,6 @@ SAME = {
     "Spec": "the frozen base of an emulated device's models",
     **dict.fromkeys(("Decoder", "Packet", "Trap"), "the same thing, as the engine and as the emulated router have it"),
     "Direction": "up or down",
-    **dict.fromkeys(("NotAKey", "PublicKey"), "an OpenPGP key, on this computer and on a gateway"),
     "Repository": "a source of the library, as it is declared and as the module of the collection is given it",
     "Shape": "of a menu: one row, rows, or a fixed set of them",
 }

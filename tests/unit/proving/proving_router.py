@@ -55,10 +55,10 @@ class Fake:
     clock: list[str] = field(default_factory=list)
     """What the time client was set to."""
 
-    async def command(self, command: Command) -> Reply:
-        return (await self.flight([command]))[0]
+    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
+        return (await self.flight([command], silence_s=silence_s))[0]
 
-    async def flight(self, commands: Sequence[Command]) -> list[Reply]:
+    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:  # noqa: ARG002 - a session's
         return [self._answer(command) for command in commands]
 
     def _answer(self, command: Command) -> Reply:
@@ -72,7 +72,7 @@ class Fake:
             "/interface/ovpn-client/print": self._tunnels,
             "/tool/ping": lambda: self._ping(words),
             "/safe-mode/take": self._take,
-            "/safe-mode/print": lambda: Reply(rows=({"current": "true" if self.held else "false"},)),
+            "/safe-mode/print": self._holder,
             "/safe-mode/unroll": self._unroll,
             "/safe-mode/release": self._release,
             "/ip/firewall/filter/add": lambda: self._add(command.path, words),
@@ -141,6 +141,10 @@ class Fake:
             return _echo(answered=False)
         self.bytes += 84 * count
         return _echo(answered=True)
+
+    def _holder(self) -> Reply:
+        held = "true" if self.held else "false"
+        return Reply(rows=({"enabled": held, "current": held},))
 
     def _take(self) -> Reply:
         self.held = self.safe_mode

@@ -20,7 +20,9 @@ from atlantis_netcfg.operations.allow_list_test.site import bills, previews, sat
 from atlantis_netcfg.routeros.estimate import on_the_wire
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.routeros.api import Session
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.routeros.api import Command, Reply, Session
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 SATELLITE = satellite_of(DECLARED, "coastal", None)
@@ -136,6 +138,18 @@ def test_the_filter_stays_closed_where_nothing_takes_the_opening_back() -> None:
     with pytest.raises(DeviceFailed, match="nothing was changed for the proof: no such command prefix"):
         prove(router, proving(open_filter=True))
     assert not any(command.path == "/ip/firewall/filter/add" for command in router.sent)
+
+
+def test_safe_mode_is_looked_at_again_where_the_first_look_was_answered_before_it_was_taken() -> None:
+    class Shuffled(Fake):
+        async def flight(self, commands: "Sequence[Command]", *, silence_s: float | None = None) -> "list[Reply]":
+            takes = [command.path for command in commands] == ["/safe-mode/take", "/safe-mode/print"]
+            replies = await super().flight(commands[::-1] if takes else commands, silence_s=silence_s)
+            return replies[::-1] if takes else replies
+
+    router = Shuffled(beyond={ADDED: 0})
+    assert told(prove(router, proving(open_filter=True)))[f"{STRANGER} open"] == ("silent", "PASS")
+    assert (router.rows, router.held) == ([], False)
 
 
 def test_a_filter_that_may_still_be_open_is_never_called_closed() -> None:

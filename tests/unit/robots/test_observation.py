@@ -95,6 +95,16 @@ def test_a_difference_has_its_finding(code: str) -> None:
     assert codes(observation) == [code]
 
 
+@pytest.mark.parametrize(("messages", "verdict"), [(3, Verdict.WARN), (9, Verdict.WARN), (10, Verdict.FAIL)])
+def test_a_pose_that_never_changes_fails_once_that_is_no_chance(messages: int, verdict: Verdict) -> None:
+    observation = heard()
+    pose = of(observation, "pose")
+    pose.contents.discard(b"2")
+    pose.messages, pose.last_s = messages, pose.first_s + (messages - 1) / 2
+    (report,) = judge(observation, [source()], ["sparus"], KeyNames())
+    assert [(each.code, each.verdict) for each in report.findings] == [("topic-frozen", verdict)]
+
+
 @pytest.mark.parametrize(("factor", "found"), [(1.05, []), (1.2, ["topic-rate-above"])])
 def test_a_measured_rate_may_be_a_little_above_the_guideline(factor: float, found: list[str]) -> None:
     observation = heard()

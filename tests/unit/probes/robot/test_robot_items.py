@@ -84,7 +84,7 @@ def codes(found: Judged) -> list[str]:
 
 def test_every_finding_about_robots_belongs_to_one_item() -> None:
     text = Path(observed.__file__).read_text(encoding="utf-8")
-    said = set(re.findall(r'BearerFinding\(\s*Verdict\.\w+,\s*f?"([a-z-]+)', text))
+    said = set(re.findall(r'BearerFinding\(\s*(?:Verdict\.\w+|verdict),\s*f?"([a-z-]+)', text))
     said = (said - {"topic-rate-"}) | {"topic-rate-above", "topic-rate-below"}
     assert said == set(robot.ITEM_OF)
     assert {robot.item_of("topic-silent", kind) for kind in TopicKind if kind.moves} == {robot.RobotItem.POSE}

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Callable, Collection, Mapping, Sequence
 
 from .apt_messages import of_install, of_update, others
-from .apt_run import Apt, Package, fits, half_done, installed, refuse_another_system, wait_for_others
+from .apt_run import Apt, InstalledPackage, fits, half_done, installed, refuse_another_system, wait_for_others
 from .apt_sources import AptKey, Sources, check_key
 from .errors import ModuleError
 
@@ -144,7 +144,7 @@ class AptConvergence:
         self.desired = desired
         self.clock = clock
         self.outcome = AptOutcome()
-        self._before: dict[str, Package] | None = None
+        self._before: dict[str, InstalledPackage] | None = None
         """What was there when the first change was made."""
 
     def run(self, *, check: bool) -> AptOutcome:
@@ -185,7 +185,7 @@ class AptConvergence:
         notes = [check_key(key, self.clock()) for key in self.desired.keys]
         self.outcome.notes += [note for note in notes if note is not None]
 
-    def _missing(self, packages: dict[str, Package]) -> dict[str, str | None]:
+    def _missing(self, packages: dict[str, InstalledPackage]) -> dict[str, str | None]:
         """The declared packages that are not there in their version. A held one is none of ours to change."""
         missing = {}
         for name, version in self.desired.packages.items():
@@ -207,7 +207,7 @@ class AptConvergence:
         for name, version in missing.items():
             self.outcome.changes.append(f"package {name} {known.get(name) or version or ''}".rstrip())
 
-    def _converge(self, left: Sequence[Package], before: dict[str, Package]) -> None:
+    def _converge(self, left: Sequence[InstalledPackage], before: dict[str, InstalledPackage]) -> None:
         wait_for_others(self.apt.tree, self.apt.wait_s)
         self._before = before
         if left:
@@ -337,7 +337,7 @@ class AptConvergence:
         refuse_if_full(self.apt, costs)
         self.outcome.download_bytes += costs.download
 
-    def _tell(self, before: dict[str, Package], *, check: bool) -> None:
+    def _tell(self, before: dict[str, InstalledPackage], *, check: bool) -> None:
         """Read back what is there now, and refuse to call done what is not."""
         after = before if check else installed(self.apt)
         if not check:

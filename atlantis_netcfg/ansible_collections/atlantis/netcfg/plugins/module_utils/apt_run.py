@@ -189,7 +189,7 @@ _POLL_S = 1.0
 
 
 @dataclass(frozen=True)
-class Package:
+class InstalledPackage:
     """A package in dpkg's database."""
 
     name: str
@@ -212,7 +212,7 @@ class Package:
         return self.selection == "hold"
 
 
-def installed(apt: Apt) -> dict[str, Package]:
+def installed(apt: Apt) -> dict[str, InstalledPackage]:
     """Every package that dpkg knows, by name; of several architectures the computer's own."""
     local = apt.architecture
     output = apt.run("dpkg-query", "--show", f"--showformat={_FIELDS}")
@@ -221,17 +221,17 @@ def installed(apt: Apt) -> dict[str, Package]:
             f"dpkg cannot read its database: {output.output.strip()}",
             "`cp /var/lib/dpkg/status-old /var/lib/dpkg/status` brings the state before the last change back",
         )
-    found: dict[str, Package] = {}
+    found: dict[str, InstalledPackage] = {}
     for line in output.output.splitlines():
         if line.count("\t") != _FIELDS.count("\\t"):
             continue  # a warning about an entry, between the entries
         name, architecture, desired, flag, state, version = line.split("\t")
         if architecture in (local, "all") or name not in found:
-            found[name] = Package(name, version, desired, flag == "reinstreq", state)
+            found[name] = InstalledPackage(name, version, desired, flag == "reinstreq", state)
     return found
 
 
-def half_done(apt: Apt, packages: dict[str, Package]) -> list[Package]:
+def half_done(apt: Apt, packages: dict[str, InstalledPackage]) -> list[InstalledPackage]:
     """What an interrupted dpkg left behind; a journal that was not merged counts for the package `dpkg`."""
     left = [package for package in packages.values() if package.state in _UNFINISHED or package.damaged]
     try:

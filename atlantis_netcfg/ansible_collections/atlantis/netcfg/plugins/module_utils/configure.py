@@ -158,7 +158,8 @@ class Configure:
 
     def converge(self, environment: Mapping[str, str]) -> None:
         """Do it. Raises `ModuleError`; `changes` then tells what was done before."""
-        ssh_access.hold(self.wishes.way_in, self.tree, environment)
+        if self.wishes.way_in is not None:
+            ssh_access.hold(self.wishes.way_in, self.tree, environment)
         if self.check:
             self._all()
         else:
@@ -184,7 +185,7 @@ class Configure:
         if self.check:
             placing.validate_aside()
             self._to_come = {
-                **{file.path: _digest(file.content) for file in self.wishes.files if file.path not in placing.left},
+                **{file.path: _digest(file.data) for file in self.wishes.files if file.path not in placing.left},
                 **{link.path: _digest(link.target.encode()) for link in self.wishes.links},
                 **dict.fromkeys(self.wishes.absent, ABSENT),
             }

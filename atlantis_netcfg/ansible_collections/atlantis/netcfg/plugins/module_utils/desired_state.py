@@ -1,46 +1,57 @@
-"""What a caller of `configure` declares, checked before anything is looked at."""
+"""What a caller of `configure` declares: the rows, for both ends of the link, and their checks on the computer."""
 
 from __future__ import annotations
 
 import posixpath
-from dataclasses import dataclass, field
-from typing import Any, Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Iterable, Mapping, TypeVar
 
 from .errors import ModuleError
 
 
 @dataclass(frozen=True)
-class Owned:
-    """What has a place, a mode and an owner."""
+class Directory:
+    """A directory with a mode of its own; those above a file are made without being declared."""
 
     path: str
-    mode: int
-    owner: str
-    group: str
+    mode: str = "0755"
+    owner: str = "root"
+    group: str = "root"
 
 
 @dataclass(frozen=True)
-class Directory(Owned):
-    """A directory."""
-
-
-@dataclass(frozen=True)
-class File(Owned):
+class File:
     """A file, whole; `validate` is a program that accepts it, with `%s` where the file's name belongs."""
 
-    content: bytes
+    path: str
+    content: str
+    mode: str = "0644"
+    owner: str = "root"
+    group: str = "root"
     validate: tuple[str, ...] = ()
     hint: str = ""
     """What to do where it is not accepted."""
     finding: str = ""
     """Told where it is not accepted, and everything else is done; empty: nothing is changed then."""
-    secret: bool = False
-    """Neither shown in a difference, nor in what a validator says."""
+    secret = False
+    """Shown neither in a difference nor in what a validator says."""
+
+    @property
+    def data(self) -> bytes:
+        """What stands on the disk."""
+        return self.content.encode()
 
 
 @dataclass(frozen=True)
-class Link:
-    """A symbolic link."""
+class SecretFile(File):
+    """A file that holds a secret."""
+
+    secret = True
+
+
+@dataclass(frozen=True)
+class SymbolicLink:
+    """What it points at need not be there."""
 
     path: str
     target: str
@@ -52,19 +63,22 @@ class ConvergeStep:
 
     name: str
     run: tuple[str, ...]
-    after: tuple[str, ...]
+    after: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of systemd; None leaves it as it is, and an `active` of None restarts it only where it runs."""
+    """A unit of systemd, restarted when the files in `after` are others.
+
+    None leaves that as it is, and an `active` of None restarts it only where it runs.
+    """
 
     name: str
-    enabled: bool | None
-    active: bool | None
-    after: tuple[str, ...]
-    reload: bool
-    wait: bool
+    enabled: bool | None = None
+    active: bool | None = None
+    after: tuple[str, ...] = ()
+    reload: bool = False
+    wait: bool = True
 
 
 @dataclass(frozen=True)
@@ -77,7 +91,7 @@ class Brought:
 
 @dataclass(frozen=True)
 class Check:
-    """A program that only looks, in every run; where it does not succeed, `finding` is told."""
+    """A program that only looks, in every run; where it does not succeed, `finding` is told: no green end."""
 
     run: tuple[str, ...]
     finding: str
@@ -86,7 +100,7 @@ class Check:
 
 @dataclass(frozen=True)
 class WayIn:
-    """What must hold of the session that asks, before anything is changed."""
+    """What must hold of the SSH session that asks, before anything is changed."""
 
     admit: tuple[str, ...] = ()
     """Networks from which SSH is admitted afterwards."""
@@ -97,49 +111,63 @@ class WayIn:
     hint: str = ""
 
 
+ROWS = {
+    "directories": Directory,
+    "files": File,
+    "links": SymbolicLink,
+    "steps": ConvergeStep,
+    "units": Unit,
+    "brought": Brought,
+    "checks": Check,
+}
+"""Parameter of the module -> what each of its rows is."""
+
+
 @dataclass(frozen=True)
 class DesiredState:
     """All that one call brings about."""
 
     directories: tuple[Directory, ...] = ()
     files: tuple[File, ...] = ()
-    links: tuple[Link, ...] = ()
+    links: tuple[SymbolicLink, ...] = ()
     absent: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
-    """Folders in which nothing may stand but what is declared here."""
+    """Folders that are ours alone: whatever else stands in them goes."""
     steps: tuple[ConvergeStep, ...] = ()
     units: tuple[Unit, ...] = ()
     brought: tuple[Brought, ...] = ()
     checks: tuple[Check, ...] = ()
-    way_in: WayIn = field(default_factory=WayIn)
+    way_in: WayIn | None = None
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> DesiredState:
         """Read the parameters of the module."""
-        wishes = cls(
-            directories=tuple(
-                Directory(row["path"], _mode(row, "0755"), row.get("owner") or "root", row.get("group") or "root")
-                for row in values.get("directories") or ()
-            ),
-            files=tuple(_file(row, values.get("secrets") or {}) for row in values.get("files") or ()),
-            links=tuple(Link(row["path"], row["target"]) for row in values.get("links") or ()),
-            absent=tuple(values.get("absent") or ()),
-            only=tuple(values.get("only") or ()),
-            steps=tuple(
-                ConvergeStep(row["name"], tuple(row["run"]), tuple(row.get("after") or ()))
-                for row in values.get("steps") or ()
-            ),
-            units=tuple(_unit(row) for row in values.get("units") or ()),
-            brought=tuple(Brought(row["path"], row["note"]) for row in values.get("brought") or ()),
-            checks=tuple(
-                Check(tuple(row["run"]), row["finding"], row.get("hint") or "") for row in values.get("checks") or ()
-            ),
-            way_in=_way_in(values.get("way_in") or {}),
-        )
+        rows: dict[str, Any] = {
+            name: tuple(_file(row, values.get("secrets") or {}) if kind is File else _row(kind, row) for row in given)
+            for name, kind in ROWS.items()
+            if (given := values.get(name))
+        }
+        way_in = _row(WayIn, values["way_in"]) if values.get("way_in") else None
+        paths = {name: tuple(values.get(name) or ()) for name in ("absent", "only")}
+        wishes = cls(**rows, **paths, way_in=way_in)
+        for directory in wishes.directories:
+            mode_of(directory)
+        for file in wishes.files:
+            mode_of(file)
         _check_paths(wishes)
         _check_once("step", (step.name for step in wishes.steps))
         _check_once("unit", (unit.name for unit in wishes.units))
         return wishes
+
+
+_Row = TypeVar("_Row")
+
+
+def _row(kind: type[_Row], row: Mapping[str, Any]) -> _Row:
+    """Read one row; what is null is as if it was left out."""
+    names = [item.name for item in fields(kind)]  # type: ignore[arg-type]
+    values = {name: row[name] for name in names if row.get(name) is not None}
+    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})
 
 
 def _file(row: Mapping[str, Any], secrets: Mapping[str, str]) -> File:
@@ -152,48 +180,24 @@ def _file(row: Mapping[str, Any], secrets: Mapping[str, str]) -> File:
         raise ModuleError(
             f"file {row['path']} has no content", "give `content`, or `secret_content`, or list it in `absent`"
         )
-    validate = tuple(row.get("validate") or ())
-    if row.get("finding") and not validate:
-        raise ModuleError(f"file {row['path']}: nothing can be found of it without a validator", "give `validate`")
-    if validate and not any("%s" in word for word in validate):
-        raise ModuleError(f"file {row['path']}: its validator has no %s", "put %s where the name of the file belongs")
-    return File(
-        path=row["path"],
-        content=content.encode(),
-        mode=_mode(row, "0644"),
-        owner=row.get("owner") or "root",
-        group=row.get("group") or "root",
-        validate=validate,
-        hint=row.get("hint") or "",
-        finding=row.get("finding") or "",
-        secret=secret is not None,
-    )
+    file = _row(File if secret is None else SecretFile, {**row, "content": content})
+    if file.finding and not file.validate:
+        raise ModuleError(f"file {file.path}: nothing can be found of it without a validator", "give `validate`")
+    if file.validate and not any("%s" in word for word in file.validate):
+        raise ModuleError(f"file {file.path}: its validator has no %s", "put %s where the name of the file belongs")
+    return file
 
 
-def _unit(row: Mapping[str, Any]) -> Unit:
-    wait = row.get("wait")
-    return Unit(
-        name=row["name"],
-        enabled=row.get("enabled"),
-        active=row.get("active"),
-        after=tuple(row.get("after") or ()),
-        reload=bool(row.get("reload")),
-        wait=True if wait is None else bool(wait),
-    )
-
-
-def _way_in(row: Mapping[str, Any]) -> WayIn:
-    return WayIn(tuple(row.get("admit") or ()), row.get("port"), bool(row.get("key")), row.get("hint") or "")
-
-
-def _mode(row: Mapping[str, Any], default: str) -> int:
-    text = row.get("mode") or default
+def mode_of(owned: Directory | File) -> int:
+    """Its mode as chmod(2) takes it."""
     try:
-        mode = int(text, 8)
+        mode = int(owned.mode, 8)
     except ValueError:
         mode = -1
     if not 0 <= mode <= 0o7777:  # noqa: PLR2004 - chmod(2)
-        raise ModuleError(f"{row['path']}: `{text}` is no mode", 'a mode is four octal digits in quotes, like "0644"')
+        raise ModuleError(
+            f"{owned.path}: `{owned.mode}` is no mode", 'a mode is four octal digits in quotes, like "0644"'
+        )
     return mode
 
 

@@ -10,11 +10,12 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Callable, Iterator
 
+from .desired_state import mode_of
 from .errors import ModuleError
 from .programs import Done, is_there, last_lines
 
 if TYPE_CHECKING:
-    from .desired_state import DesiredState, File, Owned
+    from .desired_state import DesiredState, Directory, File
     from .filesystem import FileSystem, FoundFile
 
 
@@ -31,7 +32,7 @@ class FileTransaction:
             **{link.path: self._find(link.path, ("file", "link")) for link in wishes.links},
             **{path: self._find(path, ("file", "link")) for path in wishes.absent},
         }
-        self.owned: tuple[Owned, ...] = (*wishes.directories, *wishes.files)
+        self.owned: tuple[Directory | File, ...] = (*wishes.directories, *wishes.files)
         self.owners = {desired.path: (tree.uid(desired.owner), tree.gid(desired.group)) for desired in self.owned}
         self.rewritten = [request for request in wishes.files if self._is_other(request)]
         self._made: list[str] = []
@@ -63,7 +64,7 @@ class FileTransaction:
         for file in self.rewritten:
             found = self.found[file.path]
             before = _text(b"" if found is None else found.content)
-            after = _text(file.content)
+            after = _text(file.data)
             if not file.secret and before is not None and after is not None:
                 shown.append(_difference(file.path, before, after))
         for path in self.wishes.absent:
@@ -83,7 +84,7 @@ class FileTransaction:
             for file in self._files_to_validate():
                 if is_there(file.validate[0]):
                     aside = Path(folder) / Path(file.path).name
-                    aside.write_bytes(file.content)
+                    aside.write_bytes(file.data)
                     self._ask(file, str(aside))
 
     def _files_to_validate(self) -> list[File]:
@@ -97,7 +98,7 @@ class FileTransaction:
             for file in self.wishes.files:
                 self.tree.unstage(file.path)
             beside = {
-                file.path: self.tree.stage(file.path, file.content, file.mode, *self.owners[file.path])
+                file.path: self.tree.stage(file.path, file.data, mode_of(file), *self.owners[file.path])
                 for file in self.rewritten
             }
             for file in self._files_to_validate():
@@ -116,7 +117,7 @@ class FileTransaction:
             found = self.found[request.path]
             kept = request.path not in self.left and request not in self.rewritten
             if found is not None and kept and self._mended("", request, found):
-                self.tree.mend(request.path, request.mode, *self.owners[request.path])
+                self.tree.mend(request.path, mode_of(request), *self.owners[request.path])
         for link in self.wishes.links:
             if not self._links(link.path, link.target):
                 self.tree.link(link.path, link.target)
@@ -131,7 +132,7 @@ class FileTransaction:
         for directory in self.wishes.directories:
             if self.found[directory.path] is None:
                 self._make_above(directory.path)
-                self.tree.make_directory(directory.path, directory.mode, *self.owners[directory.path])
+                self.tree.make_directory(directory.path, mode_of(directory), *self.owners[directory.path])
                 self._made.append(directory.path)
         for path in (*(file.path for file in self.wishes.files), *(link.path for link in self.wishes.links)):
             self._make_above(path)
@@ -181,16 +182,16 @@ class FileTransaction:
 
     def _is_other(self, file: File) -> bool:
         found = self.found[file.path]
-        return found is None or found.kind != "file" or found.content != file.content
+        return found is None or found.kind != "file" or found.content != file.data
 
     def _links(self, path: str, target: str) -> bool:
         found = self.found[path]
         return found is not None and found.kind == "link" and found.target == target
 
-    def _mended(self, kind: str, request: Owned, found: FoundFile) -> list[str]:
+    def _mended(self, kind: str, request: Directory | File, found: FoundFile) -> list[str]:
         lines = []
-        if found.mode != request.mode:
-            lines.append(f"{kind} {request.path} mode {found.mode:04o} -> {request.mode:04o}")
+        if found.mode != (mode := mode_of(request)):
+            lines.append(f"{kind} {request.path} mode {found.mode:04o} -> {mode:04o}")
         if (found.uid, found.gid) != self.owners[request.path]:
             lines.append(f"{kind} {request.path} owner -> {request.owner}:{request.group}")
         return lines

@@ -132,7 +132,7 @@ def push(server: ManagedServer, files: Sequence[Mapping[str, Any]], only: Sequen
         wishes = DesiredState.of(values)
         left = strays(server.tree, wishes)
         wishes = DesiredState.of({**values, "absent": left})
-        contents = {file.path: file.content for file in wishes.files}
+        contents = {file.path: file.data for file in wishes.files}
         _hold_list(server, contents.get(server.place.crl))
         before = set(server.admitted())
         placing = FileTransaction(server.tree, wishes, server.run)

@@ -169,67 +169,57 @@ hint:
 """
 
 import os
+from dataclasses import MISSING, fields
 from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.configure import Configure
-from ..module_utils.desired_state import DesiredState
+from ..module_utils.desired_state import ROWS, DesiredState, File, WayIn
 from ..module_utils.errors import ModuleError
 from ..module_utils.filesystem import FileSystem
 
+_STRINGS: dict[str, Any] = {"type": "list", "elements": "str"}
+_TYPES: dict[Any, dict[str, Any]] = {
+    "str": {"type": "str"},
+    "bool": {"type": "bool"},
+    "bool | None": {"type": "bool"},
+    "int | None": {"type": "int"},
+    "tuple[str, ...]": _STRINGS,
+}
 
-def _strings() -> dict[str, Any]:
-    return {"type": "list", "elements": "str", "default": []}
+
+def _options(row: type[Any]) -> dict[str, Any]:
+    return {item.name: {**_TYPES[item.type], **_default(item.default)} for item in fields(row)}
 
 
-def _rows(**options: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "list", "elements": "dict", "default": [], "options": options}
+def _default(value: object) -> dict[str, Any]:
+    if value is MISSING:
+        return {"required": True}
+    return {} if value is None else {"default": [] if value == () else value}
 
 
-_TEXT = {"type": "str", "required": True}
-_OWNER: dict[str, Any] = {"owner": {"type": "str", "default": "root"}, "group": {"type": "str", "default": "root"}}
+_FILE = {**_options(File), "content": {"type": "str"}, "secret_content": {"type": "str", "no_log": True}}
+_ONE_CONTENT = [("content", "secret_content")]
 ARGUMENTS: dict[str, Any] = {
-    "directories": _rows(path=_TEXT, mode={"type": "str", "default": "0755"}, **_OWNER),
+    **{
+        name: {"type": "list", "elements": "dict", "default": [], "options": _options(row)}
+        for name, row in ROWS.items()
+    },
     "files": {
-        **_rows(
-            path=_TEXT,
-            content={"type": "str"},
-            secret_content={"type": "str", "no_log": True},
-            mode={"type": "str", "default": "0644"},
-            validate=_strings(),
-            hint={"type": "str", "default": ""},
-            finding={"type": "str", "default": ""},
-            **_OWNER,
-        ),
-        "mutually_exclusive": [("content", "secret_content")],
-        "required_one_of": [("content", "secret_content")],
+        "type": "list",
+        "elements": "dict",
+        "default": [],
+        "options": _FILE,
+        "mutually_exclusive": _ONE_CONTENT,
+        "required_one_of": _ONE_CONTENT,
     },
     "secrets": {"type": "dict", "default": {}, "no_log": True},
-    "links": _rows(path=_TEXT, target=_TEXT),
-    "absent": _strings(),
-    "only": _strings(),
-    "steps": _rows(name=_TEXT, run={"type": "list", "elements": "str", "required": True}, after=_strings()),
-    "units": _rows(
-        name=_TEXT,
-        enabled={"type": "bool"},
-        active={"type": "bool"},
-        after=_strings(),
-        reload={"type": "bool", "default": False},
-        wait={"type": "bool", "default": True},
-    ),
-    "brought": _rows(path=_TEXT, note=_TEXT),
-    "checks": _rows(
-        run={"type": "list", "elements": "str", "required": True}, finding=_TEXT, hint={"type": "str", "default": ""}
-    ),
+    "absent": {**_STRINGS, "default": []},
+    "only": {**_STRINGS, "default": []},
     "way_in": {
         "type": "dict",
-        "options": {
-            "admit": _strings(),
-            "port": {"type": "int"},
-            "key": {"type": "bool", "default": False, "no_log": False},
-            "hint": {"type": "str", "default": ""},
-        },
+        "options": {**_options(WayIn), "key": {"type": "bool", "default": False, "no_log": False}},
     },
 }
 

@@ -1,1 +1,0 @@
-../ansible_collections/atlantis/netcfg/plugins/module_utils/openpgp.py
