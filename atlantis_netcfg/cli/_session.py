@@ -439,6 +439,8 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         # Whoever logs in to a device needs its password; emulated devices get those of the real ones.
         vault = vault_of(arguments)
         declaration = load(Path(named) if named else paths.checkout() / "inventory", decrypt=vault.decrypt)
+        if rehearse:
+            declaration = replace(declaration, decrypt=None)  # emulated robots know no token that is vaulted
         if only is None:
             only = arguments.many("only") if arguments.command.word("only") else ()
         if site is None:

@@ -344,11 +344,12 @@ ROBOT_MOCK = CommandSpec(
     flags=(_LOOP,),
     details=(
         "From this computer, without ROS, by the names and types of ROS 2. Its position is a circle off Viana do "
-        "Castelo, whatever it is commanded, and its booleans are false. A command takes 3 seconds, each step of a plan "
-        "one; the status that it reports is 0, for its values are unknown. Who sends commands and plans needs "
-        "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; topics are read by every ROS 2. The tokens of the robots' files are "
-        "published: use examples. Of a recording everything is published whose type is known, also what a robot would "
-        "obey: with `site=` only where no robot is. Its stamps stay, so that `robot discover` calls them stale."
+        "Castelo, whatever it is commanded; a boolean that a condition names changes every minute, the others are "
+        "false. A command takes 3 seconds, each step of a plan one; the status that it reports is 0, for its values "
+        "are unknown. Who sends commands and plans needs RMW_IMPLEMENTATION=rmw_cyclonedds_cpp; topics are read by "
+        "every ROS 2. The tokens of the robots' files are published: use examples. Of a recording everything is "
+        "published whose type is known, also what a robot would obey: with `site=` only where no robot is. Its stamps "
+        "stay, so that `robot discover` calls them stale."
     ),
 )
 

@@ -120,6 +120,10 @@ class SealedSecret(Secret):
             hint="give the vault's password: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …, or `--ask-vault-pass`",
         )
 
+    def decrypt_with(self, decrypt: Decrypt) -> Secret:
+        """The secret that is sealed. Raises UsageError."""
+        return unseal(self._value, decrypt)
+
 
 def unseal(text: str, decrypt: Decrypt | None, *, strict: bool = True) -> Secret:
     """The secret in a vault text; sealed if there is nothing to decrypt it with.

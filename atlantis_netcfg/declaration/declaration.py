@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.declaration._yaml import Decrypt
     from atlantis_netcfg.declaration.examples import Example
     from atlantis_netcfg.declaration.findings import Finding, Mark
     from atlantis_netcfg.declaration.model import Device, Partner, Pilot, Site, Vehicle
@@ -48,6 +49,8 @@ class Declaration:
     """What is allowed, and yet not as it should be, by place."""
     places: Mapping[tuple[str, str], Mark] = field(default_factory=dict)
     """Site and link to where the link is declared, for what is worked out of the declaration and said of it."""
+    decrypt: Decrypt | None = field(default=None, compare=False, repr=False)
+    """What its vaulted values were opened with, for files beside it that have some as well."""
 
     def site_hosts(self, site: str) -> tuple[Host, ...]:
         """The hosts of a site, in the order of hosts.yml."""

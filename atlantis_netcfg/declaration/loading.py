@@ -548,6 +548,7 @@ def load(inventory: Path, *, decrypt: Decrypt | None = None) -> Declaration:
             for name, site in found.sites.items()
             for index, bearer in enumerate(site.bearers)
         },
+        decrypt=decrypt,
     )
 
 

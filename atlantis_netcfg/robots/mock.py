@@ -34,8 +34,8 @@ _ROUND_S: Final = 60.0
 """It sails a small circle once a minute."""
 _METRES_A_DEGREE: Final = 111_320.0
 _WIDTH, _HEIGHT = 80, 60
-_BOOLEAN: Final = False
-"""What all booleans of a mock robot say."""
+_CHANGE_S: Final = 60.0
+"""A boolean that a condition names is false for so long, then true for so long."""
 
 
 @dataclass(slots=True)
@@ -53,6 +53,10 @@ class MockRobot:
     due: dict[str, float] = field(default_factory=dict)
     sent: dict[str, int] = field(default_factory=dict)
     actions: list[MockAction] = field(init=False)
+    _changing: frozenset[str] = field(init=False)
+    """Booleans that a condition names."""
+    _began: float | None = field(default=None, init=False)
+    _now: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         """Offer the actions of its file. Raises UsageError where a type is not known."""
@@ -60,6 +64,8 @@ class MockRobot:
             self.robot.full_name(command.action): partial(self._require, command.condition)
             for _, _, command in self.robot.every_command()
         }
+        conditions = [command.condition for _, _, command in self.robot.every_command()]
+        self._changing = frozenset(self.robot.full_name(each.topic) for each in conditions if each is not None)
         self.actions = [
             MockAction(action, self.publisher, self.types, requirements.get(action.name))
             for action in self.robot.actions()
@@ -73,12 +79,18 @@ class MockRobot:
             yield f"{self.robot.name} publishes no pose: its program hands it to the library"
 
     def _require(self, condition: CommandCondition | None) -> None:
-        if condition is not None and condition.value != _BOOLEAN:
-            topic, value = self.robot.full_name(condition.topic), str(condition.value).lower()
+        topic = self.robot.full_name(condition.topic) if condition is not None else ""
+        if condition is not None and condition.value != self._boolean(topic):
+            value = str(condition.value).lower()
             raise GoalRefusal(f"{topic} must be {value} and is not")
+
+    def _boolean(self, topic: str) -> bool:
+        """False; of a topic that a condition names true every other time, so that its command can be given."""
+        return topic in self._changing and int((self._now - (self._began or 0.0)) / _CHANGE_S) % 2 == 1
 
     def step(self, now: float) -> float:
         """Publish what is due at this second of the monotonic clock, and answer; say when the next is."""
+        self._now, self._began = now, now if self._began is None else self._began
         for action in self.actions:
             action.step(now, time.time_ns())
         self._every(1.0, self.configuration_topic, CONFIGURATION_TYPE, now, self._configuration)
@@ -109,7 +121,7 @@ class MockRobot:
         pose = getattr(message, "pose", message)
         match topic.kind:
             case TopicKind.BOOLEAN:
-                _set(message, "data", _BOOLEAN)
+                _set(message, "data", self._boolean(topic.name))
             case TopicKind.NUMBER:
                 _set(message, "data", 12.0 + math.sin(angle))
             case TopicKind.POSE if hasattr(pose, "position"):

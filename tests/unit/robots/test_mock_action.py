@@ -10,7 +10,10 @@ import pytest
 import robot_cases
 
 from atlantis_netcfg.declaration.model.robot import OfferedAction
+from atlantis_netcfg.declaration.robots.key_names import KeyNames
+from atlantis_netcfg.declaration.robots.reading import read_published
 from atlantis_netcfg.robots.message_types import MessageTypes
+from atlantis_netcfg.robots.mock import MockRobot
 from atlantis_netcfg.robots.mock_action import MockAction
 
 pytestmark = pytest.mark.skipif(find_spec("cyclonedds") is None, reason="PyPI has no cyclonedds for this machine")
@@ -28,6 +31,9 @@ class Network:
 
     def advertise(self, *_: object, **__: object) -> None:
         """Nobody listens."""
+
+    def publish(self, topic: str, _kind: str, message: Any) -> None:  # noqa: ANN401 - a message
+        self.send(topic, message)
 
     def send(self, topic: str, message: Any) -> bool:  # noqa: ANN401 - a message
         message.serialize()
@@ -97,3 +103,22 @@ def test_a_flood_of_what_is_not_understood_is_counted_and_told_in_part() -> None
     network.waiting["send_goal"] = [None] * 1000
     action.step(0.0, 0)
     assert (action.counts["unreadable"], len(action.notices)) == (1000, 20)
+
+
+def test_a_command_with_a_condition_can_be_given_every_other_minute() -> None:
+    text = (robot_cases.SHIPPED / "robots" / "zarco.yml").read_text(encoding="utf-8")
+    robot, _ = read_published(text.encode(), KeyNames())
+    assert robot is not None
+    network, types = Network(), MessageTypes(INTERFACES)
+    mock = MockRobot(robot, text, 41.68, -8.83, types, cast("Any", network), "/atlantis/configuration")
+    (hold,) = (action for action in mock.actions if action.name == "/zarco/hold")
+    armed, accepted = [], []
+    for number, now in enumerate((100.0, 161.0, 221.0)):
+        mock.step(now)
+        armed += [message.data for topic, message in network.sent if topic == "motors_armed"][-1:]
+        goal = types.empty("c4i_asset_msgs/action/CommandPlain_SendGoal_Request")
+        goal.goal_id.uuid = [number + 1] * 16
+        network.waiting["send_goal"] = [goal]
+        hold.step(now, 0)
+        accepted += [message.accepted for topic, message in network.sent if topic == "send_goal"][-1:]
+    assert armed == accepted == [False, True, False]

@@ -40,7 +40,7 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._arguments import parse
 from atlantis_netcfg.cli._commands import COMMANDS, choose
 from atlantis_netcfg.cli._commands import load as load_command
-from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration._yaml import SealedSecret
@@ -60,6 +60,11 @@ OF_SPARUS = tuple(
 @pytest.fixture(scope="module")
 def coastal(declaration: Declaration) -> Checklist:
     return plan(declaration, "coastal")
+
+
+@pytest.fixture
+def inventory(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(ROOT / "inventory", tmp_path / "inventory"))
 
 
 def judged(listed: Checklist, name: str, answer: Answer) -> Judged:
@@ -170,6 +175,30 @@ def test_a_token_that_nobody_has_opened_is_a_warning(declaration: Declaration) -
     assert (found.verdict, codes(found)) == (Verdict.WARN, ["token-sealed"])
 
 
+VAULTED = "!vault |\n  $ANSIBLE_VAULT;1.1;AES256\n  3063\n"
+
+
+@pytest.mark.parametrize(
+    ("token", "code"),
+    [("EXAMPLE-sparus-token\n", "introduced"), ("another", "token"), (None, "token-sealed")],
+)
+def test_a_vaulted_token_is_compared_once_it_is_opened(inventory: Path, token: str | None, code: str) -> None:
+    def decrypt(text: str) -> str:
+        assert text.startswith("$ANSIBLE_VAULT;")
+        if token is None:
+            raise UsageError("there is no password")
+        return token
+
+    file = inventory / "robots" / "sparus.yml"
+    clear = file.read_bytes()
+    file.write_text(file.read_text().replace("EXAMPLE-sparus-token\n", VAULTED))
+    declaration = replace(load(inventory), decrypt=decrypt)
+    seen = SimulatedRobots.honest(declaration, "coastal").here
+    (row,) = (each for each in seen.configurations if each.writer.participant == "sparus")
+    row.text = clear
+    assert codes(judged(plan(declaration, "coastal"), "sparus/robot/discovered", heard(seen))) == [code]
+
+
 MEMBER = VpnMember("iqua-sparus", "sparus", admitted=True)
 VPN: Mapping[str, tuple[tuple[VpnMember, ...], Verdict, str]] = {
     "connected": ((replace(MEMBER, session="192.0.2.7:1194"),), Verdict.PASS, "member-connected"),
@@ -194,11 +223,6 @@ def test_a_robot_that_is_neither_in_the_vpn_nor_in_the_lan_fails(declaration: De
     listed = plan(replace(declaration, sites={**declaration.sites, "coastal": bare}), "coastal")
     found = judged(listed, OF_SPARUS[0], VpnMembersResult(None))
     assert (found.verdict, codes(found)) == (Verdict.FAIL, ["no-member"])
-
-
-@pytest.fixture
-def inventory(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(ROOT / "inventory", tmp_path / "inventory"))
 
 
 def test_a_file_with_errors_hinders_no_list_and_is_not_green(
