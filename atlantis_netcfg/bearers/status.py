@@ -1,8 +1,4 @@
-"""The status of a bearer, and the requests by which a RouterOS device is read for it.
-
-What every bearer is reduced to, whatever carries it.
-
-What a reader wants to be asked of a RouterOS device, as data: whoever has the session sends it.
+"""The status of a bearer, whatever carries it, and the requests by which a RouterOS device is read for it.
 
 Readers are pure, so what they may cause to be sent is this data and nothing else; a test holds every query against
 RouterOS' own command trees.

@@ -1,7 +1,5 @@
 """Make a bundle. An interrupted run continues where it was, and no bundle is ever incomplete.
 
-The staging directory stands beside the bundle's place, stays when the run is interrupted, and is renamed at the end.
-
 What lies where in a bundle:
 
 - `manifest.json`, `manifest.json.asc`, `key.gpg`: what it is, signed
@@ -9,12 +7,6 @@ What lies where in a bundle:
 - `hosts/HOST/repository/`: the index of those that this host gets
 - `sources/git/SERVER/PATH/`: repositories of the libraries
 - `images/`: the vendor's image, where one was given, and the images of containers
-
-The sources of a library for a place without internet: each repository, and whatever its submodules point to.
-
-They stand as bare repositories below `git/SERVER/PATH`, where git on the board finds them in place of `https://SERVER/PATH`
-(url.<base>.insteadOf of git-config(1)). One commit of each is there, without its history. A token reaches git by its
-environment only (GIT_CONFIG_COUNT): it is in no argument, in no file, and in no message.
 """
 
 from __future__ import annotations
@@ -70,7 +62,11 @@ _DEPTH = 10
 
 @dataclass(slots=True)
 class Gathered:
-    """The repositories of some libraries in a folder."""
+    """The repositories of some libraries in a folder.
+
+    They stand as bare repositories below `git/SERVER/PATH`, where git on the board finds them in place of
+    `https://SERVER/PATH` (url.<base>.insteadOf of git-config(1)). One commit of each is there, without its history.
+    """
 
     folder: Path
     commits: dict[tuple[str, str], str] = field(default_factory=dict)
@@ -231,7 +227,10 @@ _SMALL = (
 
 
 def _access(library: Library) -> dict[str, str]:
-    """What git's environment holds: the token for the library's own server, and for no other."""
+    """What git's environment holds: the token for the library's own server, and for no other.
+
+    It reaches git by its environment only (GIT_CONFIG_COUNT): it is in no argument, in no file, and in no message.
+    """
     if library.token is None:
         return _SILENT
     user, colon, password = library.token.partition(":")
@@ -288,7 +287,10 @@ def _last(text: str) -> str:
 
 @dataclass(slots=True)
 class StagingDirectory:
-    """A bundle in the making."""
+    """A bundle in the making.
+
+    It stands beside the bundle's place, stays when the run is interrupted, and is renamed at the end.
+    """
 
     place: Path
     """Where the bundle shall be; an earlier one may be there."""

@@ -1,17 +1,6 @@
-"""What a bundle says of itself: `manifest.json`, signed by `manifest.json.asc`.
+"""What a bundle says of itself: `manifest.json`, signed by `manifest.json.asc`; and the keys that sign.
 
 Paths of `files` are below the bundle's folder; those of `held` below /var/lib/atlantis/bundle/ID of a host's board.
-
-The key that signs the bundles of this computer, and signatures of others.
-
-One key a computer, kept in the state directory and not made anew with each bundle: a bundle that brings its own key
-could be signed by anybody, while a key that stays can be recognised. Bundles of another computer are taken once a
-person has accepted its fingerprint.
-
-Signatures are dated `SIGNED_AT`: gpgv(1) refuses a key or a signature from the future, and a board without a battery
-starts years in the past. When a bundle was really made stands in its manifest. The key is a day older, because gpg
-refuses its own key as well where it is a second younger than the signature. Its clock stands still (`!`, gpg(1)): the
-same contents have the same signature, however slow the computer is.
 """
 
 from __future__ import annotations
@@ -219,7 +208,12 @@ _SECRET = "signing-key.asc"  # noqa: S105 - the name of a file
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """What is kept in `<state>/bundle`: this computer's key, and the fingerprints that a person has accepted."""
+    """What is kept in `<state>/bundle`: this computer's key, and the fingerprints that a person has accepted.
+
+    One key a computer, not made anew with each bundle: a bundle that brings its own key could be signed by anybody,
+    while a key that stays can be recognised. Bundles of another computer are taken once a person has accepted its
+    fingerprint.
+    """
 
     folder: Path
 
@@ -261,7 +255,13 @@ class Keys:
 
 @dataclass(frozen=True, slots=True)
 class BundleSigner:
-    """A key that can sign."""
+    """A key that can sign.
+
+    Signatures are dated `SIGNED_AT`: gpgv(1) refuses a key or a signature from the future, and a board without a
+    battery starts years in the past. When a bundle was really made stands in its manifest. The key is a day older,
+    because gpg refuses its own key as well where it is a second younger than the signature. Its clock stands still
+    (`!`, gpg(1)): the same contents have the same signature, however slow the computer is.
+    """
 
     fingerprint: str
     public: bytes

@@ -3,15 +3,7 @@
 The C parser of PyYAML gives nodes with their marks; this turns them into `Node`s and tells duplicate keys, Jinja, tags,
 aliases and keys that are not text. PyYAML itself silently keeps the last of two equal keys, and so does Ansible.
 
-PyYAML's complaints in a technician's words.
-
-A value of the inventory and where it stands.
-
-Which values are examples: those in a line that ends with a comment `# EXAMPLE`, and those below a key that has one.
-
-Values that ansible-vault has encrypted (`!vault |`).
-
-Without a `decrypt` callable they stay sealed: that is enough to validate an inventory, and no password is asked for.
+A value is an example in a line that ends with a comment `# EXAMPLE`, and below a key that has one.
 """
 
 from __future__ import annotations
@@ -109,7 +101,10 @@ class VaultError(UsageError):
 
 
 class SealedSecret(Secret):
-    """A secret that nobody has decrypted: equal only to the same vault text, and it cannot be revealed."""
+    """A secret that nobody has decrypted: equal only to the same vault text, and it cannot be revealed.
+
+    Sealed values are enough to validate an inventory, and no password is asked for.
+    """
 
     __slots__ = ()
 

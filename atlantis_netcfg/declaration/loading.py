@@ -1,18 +1,6 @@
 """From an inventory directory to a `Declaration`, or to all errors of the whole pilot in one pass.
 
-Which files an inventory has, and which of them nobody would read.
-
-Ansible takes `group_vars/<name>.yml`, a folder of that name, and more spellings than a person remembers; of a file and
-a folder of one name it reads the folder alone (ansible-core, `DataLoader.find_vars_files`). One spelling is allowed
-here, and every other file is told, so that nothing is declared in vain.
-
-From blocks of values to models, each part of the declaration by itself: one bad part does not hide the others.
-
-From a block of values to a model: every error at its place, a misspelt key told once.
-
-A misspelt key is told with the key that was meant, and the block is then read as if it had been spelt right.
-
-The top-level variables of all files: each has one place, and everything else is told.
+One bad part does not hide the others: each is made into models by itself.
 """
 
 from __future__ import annotations
@@ -207,7 +195,12 @@ _BACKUPS = ("~", ".bak", ".orig", ".swp", ".old", ".save", ".rej")
 
 @dataclass(slots=True)
 class InventorySources:
-    """The files of an inventory by what they are for."""
+    """The files of an inventory by what they are for.
+
+    Ansible takes `group_vars/<name>.yml`, a folder of that name, and more spellings than a person remembers; of a file
+    and a folder of one name it reads the folder alone (ansible-core, `DataLoader.find_vars_files`). One spelling is
+    allowed here, and every other file is told, so that nothing is declared in vain.
+    """
 
     root: Path
     shown: str

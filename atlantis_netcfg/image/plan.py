@@ -1,11 +1,6 @@
-"""From what a host shall be and what its image holds to the edits: a pure function, no file is touched.
+"""From what a host shall be and what its image holds to the edits of a working copy: look into it, plan, edit, check.
 
-Accounts: the technicians' keys, and no password. Network: the address, in the language of the tool that configures the
-network of the image.
-
-Turn a working copy of an image into that of one host: look into it, plan, edit, check.
-
-mtools reads and edits the FAT file system at its offset: no mount, no root.
+The plan is a pure function. mtools reads and edits the FAT file system at its offset: no mount, no root.
 """
 
 from __future__ import annotations

@@ -1,13 +1,4 @@
-"""Restore a confirmed state onto a device or onto its replacement.
-
-Restore a confirmed state of one device onto its replacement: where the state is found, and what it lacks.
-
-A saved state for another box than the one it was read from: what belongs to the box stays with it.
-
-What the device gives itself (addresses of its hardware, what its ports can do) is not in a saved state in the first
-place. Here go the certificate of its services, which the replacement got when it was adopted, and secrets, which a
-saved state never holds: they come from the declaration, where it has them.
-"""
+"""Restore a confirmed state of one device onto it or onto its replacement: where it is found, and what it lacks."""
 
 from __future__ import annotations
 
@@ -34,7 +25,12 @@ _UNIT = {"/ip/service": frozenset({"certificate"})}
 
 
 def for_replacement(saved: _items.Desired, declared: _items.Desired) -> _items.Desired:
-    """Return the saved state with the secrets of the declaration, and without what belongs to the old box."""
+    """Return the saved state with the secrets of the declaration, and without what belongs to the old box.
+
+    What the device gives itself (addresses of its hardware, what its ports can do) is not in a saved state in the first
+    place. Here go the certificate of its services, which the replacement got when it was adopted, and secrets, which a
+    saved state never holds: they come from the declaration, where it has them.
+    """
     items = {
         path: tuple(_with_secrets(_unit(item), _twins(item, declared)) for item in rows)
         for path, rows in saved.items.items()

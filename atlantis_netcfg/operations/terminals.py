@@ -1,18 +1,4 @@
-"""Satellite terminals and SIM cards in a run: compared with the evidence, never changed.
-
-Satellite terminals in a run: nothing is sent to them; what is declared of them is compared with the evidence.
-
-A terminal's result has the shape of a device's result, so that every report can hold it; it plans and changes nothing.
-Recorded is, by a run that may change devices, which firmware was declared: the next run says if it has changed.
-
-What this computer remembers of a PIN that a SIM has not taken: no run enters it a second time.
-
-The device cannot tell: a PIN that was taken back leaves no trace on it but the SIM's own count, which RouterOS does not
-show. So a file stands in the state directory from before the PIN is sent until it is known to have been right. It holds
-no PIN, nor anything from which one could be found; a person who has corrected the declaration deletes it.
-
-    <state>/<real|rehearsal>/<site>/sim/<device>.tried
-"""
+"""Satellite terminals and SIM cards in a run: nothing is sent to a terminal; it is compared with the evidence."""
 
 from __future__ import annotations
 
@@ -53,7 +39,10 @@ EVIDENCE_FOLDER = "evidence"
 
 @dataclass(frozen=True, slots=True)
 class TerminalResult:
-    """What is to be said of one terminal."""
+    """What is to be said of one terminal.
+
+    It has the shape of a device's result, so that every report can hold it; it plans and changes nothing.
+    """
 
     name: str
     model: str | None
@@ -198,7 +187,10 @@ def _sha256(path: Path) -> str:
 
 
 def _recorded(store: Store) -> dict[str, str]:
-    """The firmware of each terminal as the last run has recorded it. Raises StateDamaged."""
+    """The firmware of each terminal as the last run has recorded it. Raises StateDamaged.
+
+    A run that may change devices records which one was declared: the next run says if it has changed.
+    """
     path = store.root / "terminals.json"
     try:
         return {str(name): str(firmware) for name, firmware in json.loads(path.read_bytes()).items()}
@@ -222,7 +214,14 @@ _MENU, _FIELD = "/interface/lte", "pin"
 
 
 class TriedPin:
-    """The memory of one SIM. `root` is that of the `Store`."""
+    """The memory of one SIM. `root` is that of the `Store`.
+
+    The device cannot tell: a PIN that was taken back leaves no trace on it but the SIM's own count, which RouterOS does
+    not show. So a file stands in the state directory from before the PIN is sent until it is known to have been right.
+    It holds no PIN, nor anything from which one could be found; a person who has corrected the declaration deletes it.
+
+        <state>/<real|rehearsal>/<site>/sim/<device>.tried
+    """
 
     def __init__(self, root: Path, site: str, device: str) -> None:
         self.path = root / site / "sim" / f"{device}.tried"

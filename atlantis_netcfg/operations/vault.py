@@ -1,10 +1,7 @@
-"""The passwords of the inventory's vault: those that Ansible itself would use, else what a person types once.
+"""The passwords of the inventory's vault, and what Ansible reads when it is imported.
 
-Our loader and Ansible need the same ones: `Vault.secrets` is what both take (`DataLoader.set_vault_secrets`).
-
-What Ansible reads when it is imported: our configuration, and a folder of ours for its temporary files.
-
-And what a start need not do: all that reaches into Ansible to save time stands here.
+The passwords are those that Ansible itself would use, else what a person types once. All that reaches into Ansible to
+save time stands here as well.
 """
 
 from __future__ import annotations
@@ -153,7 +150,10 @@ PROMPTS = frozenset({"prompt", "prompt_ask_vault_pass"})
 
 
 class Vault:
-    """Opens vaulted values. Nothing is read and nobody is asked before the first of them."""
+    """Opens vaulted values. Nothing is read and nobody is asked before the first of them.
+
+    Our loader and Ansible need the same ones: `secrets` is what both take (`DataLoader.set_vault_secrets`).
+    """
 
     def __init__(self, ask: Callable[[str], Secret] | None = None, *, insist: bool = False) -> None:
         """`ask` has the password of a vault id typed; `insist`: also where a file is named."""

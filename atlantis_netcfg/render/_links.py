@@ -1,13 +1,4 @@
-"""Ports, and the links that lead out of the site through them.
-
-How often a link's canaries are asked, and how many answers decide: the declared times in packets of netwatch.
-
-Each canary has three rows of `/tool netwatch` (templates/routeros/parts/netwatch.rsc.j2). One asks all the time. The
-first question without an answer starts the second row, which leaves the link if all of its packets are lost, and the
-first answer after that starts the third, which takes the link back if none of its packets is lost.
-
-From the declaration to the view of a MikroTik LTE box, and to its text.
-"""
+"""Ports, the links that lead out of the site through them, and the text of a MikroTik LTE box."""
 
 from __future__ import annotations
 
@@ -65,6 +56,10 @@ def probe_timing(bearer: Bearer, failover: Failover) -> JudgedBearer:
 
     From the first lost question to the decision to leave, at least `hold_down_s` pass: its time-out, the 3 s that a row
     of netwatch waits before it begins, the packets, the last time-out. At most one interval of the watch comes on top.
+
+    Each canary has three rows of `/tool netwatch` (templates/routeros/parts/netwatch.rsc.j2). One asks all the time.
+    The first question without an answer starts the second row, which leaves the link if all of its packets are lost,
+    and the first answer after that starts the third, which takes the link back if none of its packets is lost.
     """
     budgeted = bearer.canary_budget_bytes is not None
     usual_s = _DEAR_GAP_S if budgeted else _GAP_S

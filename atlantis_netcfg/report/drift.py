@@ -1,12 +1,4 @@
-"""Drift as a person reads it, as one JSON object, and as JUnit: all from the engine's results alone.
-
-Drift as JUnit XML, for Jenkins, GitLab and whatever else shows tests: a suite a device, a case a menu.
-
-The format has no specification of its own; elements and attributes are those that the manuals of both name (Jenkins,
-JUnit plugin; GitLab, Unit test reports): testsuites, testsuite, testcase, failure, error, skipped, system-out.
-
-What every JUnit file of ours shares: clean text, counted suites, the bytes at the end.
-"""
+"""Drift as a person reads it, as one JSON object, and as JUnit: all from the engine's results alone."""
 
 from __future__ import annotations
 
@@ -247,7 +239,12 @@ _EVIDENCE = "what is declared agrees with the evidence"
 
 
 def junit(report: DriftReport) -> bytes:
-    """Return the file; nothing in it depends on when it was written but how long the reading took."""
+    """Return the file; nothing in it depends on when it was written but how long the reading took.
+
+    A suite a device, a case a menu. The format has no specification of its own; elements and attributes are those that
+    the manuals of Jenkins (JUnit plugin) and GitLab (Unit test reports) name: testsuites, testsuite, testcase, failure,
+    error, skipped, system-out.
+    """
     root = ET.Element("testsuites", name=f"drift of {report.site}")
     for name, result in report.devices.items():
         root.append(_suite(name, result))

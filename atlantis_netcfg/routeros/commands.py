@@ -1,14 +1,6 @@
 r"""Actions as text for a device, and the check of a plan by the device's own parser.
 
-One action as the device takes it: a console line for a script, or a sentence of the API.
-
-Both hold secrets in clear.
-
-Console: manual, Scripting, and Configuration Management. Values in quotes are escaped so that `$`, `\`, `"` and line
-ends arrive as they are: inside quotes the console would replace `$name` without a word.
-Sentence: manual, API (`!name` unsets a property, ids are joined by commas, `destination` is the row to stand before).
-
-A plan before the device's own parser: which commands it would refuse, told before anything is sent.
+Lines and sentences hold secrets in clear.
 
 `:put [:parse "..."]` prints what RouterOS makes of a text and executes nothing of it (recorded on 7.20.8 to 7.23.3:
 tikoci/centrs, test/fixtures/parse-oracle.json). It looks at names; of values that come from a closed list
@@ -32,7 +24,11 @@ if TYPE_CHECKING:
 
 
 def console(action: Action) -> str:
-    """Return the console line, without line end: `/ip/firewall/filter/add chain=input place-before=*A3`."""
+    r"""Return the console line, without line end: `/ip/firewall/filter/add chain=input place-before=*A3`.
+
+    Manual, Scripting, and Configuration Management. Values in quotes are escaped so that `$`, `\`, `"` and line ends
+    arrive as they are: inside quotes the console would replace `$name` without a word.
+    """
     words = [f"{action.menu}/{action.verb}"]
     if action.ids:
         words.append(",".join(action.ids))
@@ -67,7 +63,10 @@ _PLACE = {Verb.ADD: "place-before", Verb.MOVE: "destination"}
 
 
 def sentence(action: Action) -> tuple[str, tuple[tuple[str, str], ...]]:
-    """Return the command word and its arguments: `/ip/address/set`, `(.id, *5), (disabled, yes)`."""
+    """Return the command word and its arguments: `/ip/address/set`, `(.id, *5), (disabled, yes)`.
+
+    Manual, API (`!name` unsets a property, ids are joined by commas, `destination` is the row to stand before).
+    """
     arguments = [(name, value or "") for name, value in _values(action)]
     if action.ids:
         arguments.insert(0, ("numbers" if action.verb is Verb.MOVE else ".id", ",".join(action.ids)))

@@ -1,26 +1,11 @@
 """What differs on a device from the declaration: in one vocabulary, with who owns it and since when.
 
 It is made from a plan, so that drift is exactly what a run would change, plus what it would leave alone. Pure: what was
-confirmed last and what the device remembers are given as text and rows.
-
-The vocabulary of drift. docs/drift.md explains every word of it to the person who reads a report.
-
-From a plan to what differs: one entry a row, in the words of a person.
-
-Since when: the device now against the state that a run has read back last.
-
-What the device itself remembers: `/system/history`, its latest hundred changes, gone with a reboot.
-
-Manual, Configuration Management: each entry has action, by, time, and the commands that undo and redo it. An entry that
-names a row otherwise than by its `.id` is not found, and nothing is said then.
+confirmed last and what the device remembers are given as text and rows. docs/drift.md explains every word to the
+person who reads a report.
 
 Assumption: history-names-ids
 Assumption: history-newest-first
-
-The differences of one menu as rows: what a plan would add, set, move and remove, with what belongs together paired.
-
-A plan is made to be carried out: a rule of the firewall that somebody has edited is added anew and removed, since no
-packet may meet a half of it. Whoever reads about drift wants to hear that it was changed, and how.
 """
 
 from __future__ import annotations
@@ -222,7 +207,11 @@ class Raw:
 
 
 def raw_differences(menu: Menu, actions: Iterable[Action], rows: Sequence[Row]) -> list[Raw]:
-    """Turn the actions on one menu into differences, in the order: settings and rows as they are, then what is new."""
+    """Turn the actions on one menu into differences, in the order: settings and rows as they are, then what is new.
+
+    A plan is made to be carried out: a rule of the firewall that somebody has edited is added anew and removed, since
+    no packet may meet a half of it. Whoever reads about drift wants to hear that it was changed, and how.
+    """
     by_id = {row.get(".id", ""): row for row in rows}
     found: list[Raw] = []
     place: dict[str, int] = {}
@@ -301,7 +290,12 @@ _VERBS = "add|set|unset|remove|move|enable|disable|comment"
 
 @dataclass(frozen=True, slots=True)
 class DriftHistory:
-    """The entries as the device prints them, newest first."""
+    """The entries as the device prints them, newest first.
+
+    `/system/history` has the latest hundred changes, gone with a reboot. Manual, Configuration Management: each entry
+    has action, by, time, and the commands that undo and redo it. An entry that names a row otherwise than by its `.id`
+    is not found, and nothing is said then.
+    """
 
     rows: Sequence[Row] = ()
 

@@ -4,8 +4,6 @@ All commands go out in batches of `Endpoint.window`, each batch in one round tri
 `no such command`: what needs it is then refused in words.
 
 Assumption: api-tagged-order
-
-The byte counters of ports, read beside other things (Manual, CLI reference, `/interface`: `rx-byte`, `tx-byte`).
 """
 
 from __future__ import annotations
@@ -63,7 +61,10 @@ def closing(ports: Sequence[str]) -> list[Command]:
 
 
 def read_counts(reply: Reply, resource: Reply) -> PortCounts | None:
-    """Read an answer; None if the device refused it or knows none of the ports."""
+    """Read an answer; None if the device refused it or knows none of the ports.
+
+    Manual, CLI reference, `/interface`: `rx-byte`, `tx-byte`.
+    """
     ports = {
         row["default-name"]: (int(row["rx-byte"]), int(row["tx-byte"]))
         for row in reply.rows

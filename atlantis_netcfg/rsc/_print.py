@@ -1,19 +1,8 @@
 r"""Statements to export text, wrapped in the columns in which RouterOS wraps them.
 
-The rule, fitted to 1155 wrapped rows of public exports of RouterOS 6.33 to 7.4, all of which it prints to the letter:
-a word, a `name=` or a value is kept whole, and goes to the next line if it would end beyond column `width - 2` here but
-not there. A value that no line has room for stands in quotes and is cut at column `width - 1`. `\n` within a value
-always starts a line, as its escape. A space that would start one is written `\_`, because the indent of the next line
-is dropped on reading.
-
-Comments in which `export` reports the state of the moment: two exports of one configuration differ in them.
-
-Values as export text prints them: bare when RouterOS prints them bare, else in double quotes with escapes.
-
 A value on the device is a string of bytes. Here it is text: bytes that are UTF-8 are decoded, any other byte (a comment
 typed in a Windows code page) survives as a lone surrogate (`surrogateescape`), so that nothing is lost between device
-and file. Source of the escapes: manual, Scripting, "Constant Escape Sequences"; of the bare characters: public exports
-of RouterOS 6 and 7.
+and file.
 """
 
 from __future__ import annotations
@@ -51,7 +40,11 @@ _FIRST_PRINTABLE, _LAST_PRINTABLE = " ", "~"
 
 
 def quote(value: str) -> str:
-    """Print `value` as RouterOS' `export` does; a script may assign the text as it stands."""
+    """Print `value` as RouterOS' `export` does; a script may assign the text as it stands.
+
+    Bare when RouterOS prints it bare, else in double quotes with escapes. Source of the escapes: manual, Scripting,
+    "Constant Escape Sequences"; of the bare characters: public exports of RouterOS 6 and 7.
+    """
     return value if _BARE.fullmatch(value) else in_quotes(value)
 
 
@@ -196,7 +189,14 @@ def _arguments(values: Iterable[tuple[str, str | None]], *, elide: bool) -> Iter
 
 @dataclass(slots=True)
 class _Page:
-    """Lines of at most `width` columns, including the backslash that joins them."""
+    r"""Lines of at most `width` columns, including the backslash that joins them.
+
+    The rule, fitted to 1155 wrapped rows of public exports of RouterOS 6.33 to 7.4, all of which it prints to the
+    letter: a word, a `name=` or a value is kept whole, and goes to the next line if it would end beyond column `width -
+    2` here but not there. A value that no line has room for stands in quotes and is cut at column `width - 1`. `\n`
+    within a value always starts a line, as its escape. A space that would start one is written `\_`, because the indent
+    of the next line is dropped on reading.
+    """
 
     width: int | None
     lines: list[str] = field(default_factory=list)
@@ -258,7 +258,10 @@ _VOLATILE = re.compile("|".join(f"(?:{pattern})" for pattern in VOLATILE_COMMENT
 
 
 def is_volatile(comment: str) -> bool:
-    """Tell whether a comment line (without `# `) reports state instead of configuration."""
+    """Tell whether a comment line (without `# `) reports state instead of configuration.
+
+    Two exports of one configuration differ in them.
+    """
     return _VOLATILE.fullmatch(comment) is not None
 
 

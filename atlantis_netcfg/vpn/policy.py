@@ -3,11 +3,6 @@
 `Policy.allows` answers for any two addresses, and the firewall is the same list in the language of nftables. In a
 site's LAN the declared hosts are ours, and everything else is a guest: a robot may be a partner's, whoever has plugged
 it in. Traffic that does not pass the server, such as that between two computers of one LAN, cannot be forbidden here.
-
-The server's firewall: the policy in nftables' words, as one file that is loaded whole or not at all.
-
-Running connections are not asked for: each packet stands for itself, and only the answers of services are known by the
-connection that they belong to. What the policy permits no longer is therefore cut as soon as the file is loaded.
 """
 
 from __future__ import annotations
@@ -336,7 +331,11 @@ _ANSWER = "ct state established ct direction reply"
 
 
 def firewall(declaration: Declaration, membership: MembershipList) -> str:
-    """What `nft -f` loads, atomically and as often as one likes."""
+    """What `nft -f` loads, atomically and as often as one likes.
+
+    Running connections are not asked for: each packet stands for itself, and only the answers of services are known by
+    the connection that they belong to. What the policy permits no longer is therefore cut as soon as it is loaded.
+    """
     vpn = declaration.pilot.vpn
     ends_s = None if vpn.shared_key_until is None else _end_of_day_s(vpn.shared_key_until)
     return text(policy(declaration, membership), shared_key_ends_s=ends_s, port=vpn.port)

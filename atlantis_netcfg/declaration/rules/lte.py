@@ -1,10 +1,7 @@
-"""The 4G unit: which parts of its declaration its driver needs, which it cannot use, and a SIM that can be right.
+"""The 4G unit and the failover of links: fields that a driver needs or cannot use, the SIM, times that fit each other.
 
-A field that the driver does nothing with is refused, because a person who wrote it expects an effect.
-
-Failover: times that fit each other, and something that they are about.
-
-What the router can do with them: templates/routeros/parts/netwatch.rsc.j2.
+A field that the driver does nothing with is refused, because a person who wrote it expects an effect. What the router
+can do with the times: templates/routeros/parts/netwatch.rsc.j2.
 """
 
 from __future__ import annotations

@@ -1,12 +1,4 @@
-"""The directional Wi-Fi bridge: legal channels, settings that exist, and two ends that agree.
-
-How strong a radio may be, and how strong the other end then hears it, is in `power_of_radio`.
-
-How strong the radios of a bridge are: within the law, and neither too weak nor too strong for the other end.
-
-Levels are those of free space, where a real link is some decibels weaker: 20 log10(4 pi d / wavelength) is lost between
-the antennas (ITU-R P.525). Receivers are also spoilt by too much: on a link of 150 m full power overdrives them.
-"""
+"""The directional Wi-Fi bridge: legal channels, settings that exist, two ends that agree, a power that fits both."""
 
 from __future__ import annotations
 
@@ -349,7 +341,11 @@ def _power(ptp: Ptp, distance_m: int) -> str:
 
 
 def level(draft: Draft) -> Iterator[Finding]:
-    """In free space the other end hears a level within the bounds that it declares."""
+    """In free space the other end hears a level within the bounds that it declares.
+
+    A real link is some decibels weaker: 20 log10(4 pi d / wavelength) is lost between the antennas (ITU-R P.525).
+    Receivers are also spoilt by too much: on a link of 150 m full power overdrives them.
+    """
     for host, part, ptp in _radios(draft):
         other = draft.devices.get(ptp.peer)
         distance_m = ptp.distance_m

@@ -1,15 +1,4 @@
-"""One machine: a Debian with systemd that has the declared address, and a port here that leads to its sshd.
-
-systemd-nspawn with a machine's disk and network: what is running, or has been until its power was cut.
-
-Network namespaces, the links between them, and sockets that live in one of them.
-
-A machine's disk: the shared tree below, and what the machine writes above it, in memory and of a size of its own.
-
-Run the programs of the system that containers are made of, and say what went wrong in words for a person.
-
-What machines do not stand for.
-"""
+"""One machine: a Debian with systemd in systemd-nspawn, its disk and network, and a port here that leads to sshd."""
 
 from __future__ import annotations
 
@@ -236,7 +225,10 @@ _MB = 1024 * 1024
 
 
 class Disk:
-    """Mounted at `root` until it is thrown away; what was written outlives the machine's power, not the yard."""
+    """Mounted at `root` until it is thrown away; what was written outlives the machine's power, not the yard.
+
+    The shared tree is below, and what the machine writes above it, in memory and of a size of its own.
+    """
 
     def __init__(self, folder: Path, tree: Path, size_mb: int | None) -> None:
         self.root = folder / "root"

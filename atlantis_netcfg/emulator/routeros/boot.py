@@ -1,20 +1,6 @@
 """What happens while an emulated router starts: factory configuration, adoption, scheduler jobs.
 
-A router as it comes from the factory, and what its adoption adds.
-
-The default configuration of a router as it comes out of its box, and the laptop's place in it.
-
-Manual, Default configurations: "RouterMode": the first port is WAN with a DHCP client behind a firewall, all others are
-bridged, with 192.168.88.1/24 and a DHCP server. The rows are those of public exports of RB5009UPr+S+ with 7.16.2 and
-7.20.6; what a board adds for its disks and radios is left out.
-
-A box of one port and a radio comes as "CPE Router": the radio is the WAN, a station that looks for its access point,
-and the port has the address and the DHCP server itself, without a bridge. A few models for bridges (DynaDish) come with
-both in a bridge instead, and are not emulated.
-
 Assumption: factory-cpe
-
-`/system/scheduler`: when its rows run (Manual, Scheduler); in a device-mode without `scheduler` none does.
 """
 
 from __future__ import annotations
@@ -56,7 +42,16 @@ _BAD_IPV6 = {
 
 
 def default_configuration(spec: RouterSpec) -> str:
-    """Export-style text of what the factory puts on this board."""
+    """Export-style text of what the factory puts on this board.
+
+    Manual, Default configurations: "RouterMode": the first port is WAN with a DHCP client behind a firewall, all others
+    are bridged, with 192.168.88.1/24 and a DHCP server. The rows are those of public exports of RB5009UPr+S+ with
+    7.16.2 and 7.20.6; what a board adds for its disks and radios is left out.
+
+    A box of one port and a radio comes as "CPE Router": the radio is the WAN, a station that looks for its access
+    point, and the port has the address and the DHCP server itself, without a bridge. A few models for bridges
+    (DynaDish) come with both in a bridge instead, and are not emulated.
+    """
     return "".join(f"{line}\n" for line in (*_lan(spec), *_firewall(), *_firewall6(), *_tools()))
 
 
@@ -303,7 +298,10 @@ _AFTER_BOOT_S = 3.0
 
 
 def next_run(core: Core) -> float | None:
-    """When, on the core's `now`, the next job runs; None if none will."""
+    """When, on the core's `now`, the next job runs; None if none will.
+
+    When rows of `/system/scheduler` run: Manual, Scheduler; in a device-mode without `scheduler` none does.
+    """
     return min((when for _, when in _jobs(core)), default=None)
 
 

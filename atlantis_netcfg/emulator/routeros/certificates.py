@@ -1,16 +1,4 @@
-"""Certificates and OpenVPN profiles that an emulated router makes and imports.
-
-What `/certificate` makes: keys, signatures, and what a certificate says about itself (Manual, Certificates).
-
-What `import-ovpn-configuration` makes of a `.ovpn` file (Manual, OpenVPN).
-
-Documented: tls-crypt and tls-crypt-v2 only from 7.17 on, with `auth SHA256` and `key-direction 1`; no negotiation, so
-that the file names its cipher; a user of at most 27 characters is mandatory. Seen in others' exports and scripts: the
-interface is called `ovpn-import`, its certificate `cert_ovpn-import`, each with the second at which it was made; an
-older version says `unsupported option '<tls-crypt>'` (angristan/openvpn-install#1267).
-
-Other options than these are refused, in the same words; a lacking cipher, SHA256 or direction is refused at once;
-nothing is made where anything is refused; the interface is disabled as a new one is.
+"""Certificates and OpenVPN profiles that an emulated router makes and imports (Manual, Certificates; Manual, OpenVPN).
 
 Assumption: ovpn-import
 """
@@ -212,7 +200,16 @@ class Imported:
 
 
 def read_ovpn(text: str, *, wraps: bool) -> Imported:
-    """Read a file; `wraps`: this version knows tls-crypt. Raises OvpnRefused."""
+    """Read a file; `wraps`: this version knows tls-crypt. Raises OvpnRefused.
+
+    Documented: tls-crypt and tls-crypt-v2 only from 7.17 on, with `auth SHA256` and `key-direction 1`; no negotiation,
+    so that the file names its cipher; a user of at most 27 characters is mandatory. Seen in others' exports and
+    scripts: the interface is called `ovpn-import`, its certificate `cert_ovpn-import`, each with the second at which it
+    was made; an older version says `unsupported option '<tls-crypt>'` (angristan/openvpn-install#1267).
+
+    Other options than these are refused, in the same words; a lacking cipher, SHA256 or direction is refused at once;
+    nothing is made where anything is refused; the interface is disabled as a new one is.
+    """
     text = text.replace("\r\n", "\n")
     blocks = {match[1]: match[2] for match in _INLINE.finditer(text)}
     for name in blocks:

@@ -4,8 +4,6 @@ All of it is a fact of the place and no setting, so that no command changes it; 
 The names of fields are those of the manual (PoE-Out, DHCP, Neighbor discovery, OVPN, NTP).
 
 Assumption: poe-load
-
-What stands around a router, as data, and what the router shows of it.
 """
 
 from __future__ import annotations

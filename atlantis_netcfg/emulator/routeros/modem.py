@@ -5,10 +5,6 @@ Levels are constants; cells, SMS and eSIM are not emulated.
 
 Assumption: lte-pin-words
 Assumption: lte-pin-once
-
-From settings, card and cell to what the modem is: read by `monitor`, by `print` and by the twin's own topology.
-
-What a modem twin is made of: the card in it, and the cell that it hears.
 """
 
 from __future__ import annotations

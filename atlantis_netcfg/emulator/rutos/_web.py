@@ -2,13 +2,6 @@
 
 Status codes and error texts follow Teltonika's published description (Assumption: rutos-refusals); a page that a
 firmware does not have answers with HTTP 501 (devices.md, section 4: `sim_switch`).
-
-What the twin's modem and card do, and how the unit tells it.
-
-When the unit tries the saved PIN, here at every reload while the card asks for one, the worst that a caller can meet:
-Assumption: rutos-pin. That a foreign network with roaming denied leaves it registered: Assumption: rutos-settings.
-
-What a RutOS twin is made of; plain data that survives a round trip through JSON.
 """
 
 from __future__ import annotations
@@ -314,7 +307,12 @@ _NEW = {"state": "data_conn_state", "netstate": "operator_state", "oper": "opera
 
 
 class RutosModem:
-    """Card, network, and the settings that the unit has read last."""
+    """Card, network, and the settings that the unit has read last.
+
+    When the unit tries the saved PIN, here at every reload while the card asks for one, the worst that a caller can
+    meet (Assumption: rutos-pin). That a foreign network with roaming denied leaves it registered is
+    Assumption: rutos-settings.
+    """
 
     def __init__(self, spec: RutosSpec, uci: Uci) -> None:
         self._spec = spec

@@ -1,11 +1,6 @@
-"""The server as the commands use it: one connection, opened when it is needed; the result is reported in one form.
+"""The VPN server as the commands use it: one connection, opened when it is needed; the result is reported in one form.
 
 Whatever a command is about, members that wait to be disconnected come first, and who was seen is recorded at the end.
-
-How it stands with the VPN: what the record says of itself, what the server has, and what differs between the two.
-
-The server is looked at before anything is brought to it, so that a file that somebody has changed there is told and
-not put right in passing. Silence of the server is no verdict on it.
 """
 
 from __future__ import annotations
@@ -313,7 +308,11 @@ class VpnStatus:
 def vpn_status(
     declaration: Declaration, authority: Authority, server: Connected | None, notify: Subscriber = ignore
 ) -> VpnStatus:
-    """Look at the record, and at the server unless there is None. Raises LedgerDamaged."""
+    """Look at the record, and at the server unless there is None. Raises LedgerDamaged.
+
+    The server is looked at before anything is brought to it, so that a file that somebody has changed there is told and
+    not put right in passing. Silence of the server is no verdict on it.
+    """
     result = list(_record(declaration, authority))
     state = None
     if server is None:

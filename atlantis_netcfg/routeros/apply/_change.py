@@ -1,13 +1,6 @@
 """Changing a device: save its state, take safe mode, write, prove from a new session that all is well, release.
 
 Any failure is raised; what it means for the device is for `_settle` to find out.
-
-Before the first change: the sign, the saved state, the net that takes everything back, and a last look.
-
-Two laptops may have read the same device at the same time. Whoever comes second finds the other's sign, or safe mode
-taken, or the device no longer as it was read; then nothing is sent.
-
-What must be true of a device before anything of a plan can be sent to it; all that is missing is said at once.
 """
 
 from __future__ import annotations
@@ -90,7 +83,11 @@ _SHOWN_HANDS = 5
 
 
 async def begin(work: RunContext) -> Writer:
-    """Do all that comes before the first change. Raises DeviceFailed if somebody else was faster."""
+    """Do all that comes before the first change. Raises DeviceFailed if somebody else was faster.
+
+    Two laptops may have read the same device at the same time. Whoever comes second finds the other's sign, or safe
+    mode taken, or the device no longer as it was read; then nothing is sent.
+    """
     stages, protection = work.stages, work.protection
     alone = safe_mode_first(work)
     early = work.early if work.holding and not needs_sign(work) else ()
@@ -546,7 +543,10 @@ _FEATURES = {"/ip/proxy": "proxy", "/ip/socks": "socks", "/tool/bandwidth-server
 
 
 def missing(plan: Plan, observed: Observed, *, console: bool = False) -> tuple[str, ...]:
-    """Return what the device or our user lacks for this plan; `console`: safe mode of an SSH session protects it."""
+    """Return what the device or our user lacks for this plan; `console`: safe mode of an SSH session protects it.
+
+    All that is missing is said at once.
+    """
     facts = observed.facts
     return (
         *_policies(facts, (*POLICIES, "ssh") if console else POLICIES),

@@ -1,12 +1,4 @@
-"""What the executor is given for one device, and what it hands back.
-
-What a run may cost: the executor asks once, when it has read the device and made its plan, and never decides.
-
-A device that decides which of several desired states fits it: by the menu in which its radio is.
-
-Menus alone tell nothing: `/interface/wifi` is there from 7.13 on without any radio of it. A radio of the board has a
-`default-name`, a virtual one has not.
-"""
+"""What the executor is given for one device, and what it hands back."""
 
 from __future__ import annotations
 
@@ -299,7 +291,10 @@ class Admission:
 
 
 class CostPolicy(Protocol):
-    """Who knows what the bearers cost and what a person has agreed to."""
+    """Who knows what the bearers cost and what a person has agreed to.
+
+    The executor asks once, when it has read the device and made its plan, and never decides.
+    """
 
     def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:
         """Say whether a run may go on; `spends`: it would send more than it has; `planned`: not before a person agrees.
@@ -326,7 +321,11 @@ class Unfit(DeviceFailed):
 
 @dataclass(frozen=True, slots=True)
 class StateVariants:
-    """The desired states to choose from."""
+    """The desired states to choose from.
+
+    The device decides, by the menu in which its radio is. Menus alone tell nothing: `/interface/wifi` is there from
+    7.13 on without any radio of it. A radio of the board has a `default-name`, a virtual one has not.
+    """
 
     states: Mapping[str, Desired]
     """Menu of the radio to what the device should then hold."""

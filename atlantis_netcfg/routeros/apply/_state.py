@@ -1,20 +1,4 @@
-"""Comparing two readings of a device, the sign of a run on it, and its saved state.
-
-When two readings of a device are the same state: what was configured, not what moves by itself.
-
-A sign on the device that a run is under way, for changes during which safe mode is not held all the time.
-
-Two laptops have no lock in common. Safe mode is one, but between two pieces of a long plan nobody holds it, and without
-it there is none. The sign is an entry of an address list that nothing uses, with a time-out: the device refuses a
-second one, no export shows it, and it goes by itself when whoever put it up has died (manual, Address-lists).
-
-A dead run's sign is taken over by the computer whose journal holds it, and by whoever names that run to `resume`.
-
-The device's own text of its state, fetched before the first change, and the proof that it runs scripts for us.
-
-An export hides secrets unless asked otherwise, and is not asked otherwise: what is kept on a laptop for years is no
-place for them.
-"""
+"""Comparing two readings of a device, the sign of a run on it, and its saved state."""
 
 from __future__ import annotations
 
@@ -159,7 +143,13 @@ def run_of(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Sign:
-    """A sign as it was read."""
+    """A sign as it was read.
+
+    Two laptops have no lock in common. Safe mode is one, but between two pieces of a long plan nobody holds it, and
+    without it there is none. The sign is an entry of an address list that nothing uses, with a time-out: the device
+    refuses a second one, no export shows it, and it goes by itself when whoever put it up has died (manual,
+    Address-lists).
+    """
 
     id: str
     text: str
@@ -174,7 +164,10 @@ class Sign:
 
 @dataclass(frozen=True, slots=True)
 class RunSigner:
-    """A run that puts its sign up, and knows which signs it may take over."""
+    """A run that puts its sign up, and knows which signs it may take over.
+
+    A dead run's sign is taken over by the computer whose journal holds it, and by whoever names that run to `resume`.
+    """
 
     job: DeviceJob
     address: str
@@ -262,7 +255,11 @@ SAVING = (executed(f'/export\n:put "{_COMPLETE}"\n'), executed(f':put "{_PROBE}"
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """What the answers to SAVING hold."""
+    """What the answers to SAVING hold.
+
+    An export hides secrets unless asked otherwise, and is not asked otherwise: what is kept on a laptop for years is no
+    place for them.
+    """
 
     text: str | None
     """The whole export, or None if the device does not print it into a script's output."""

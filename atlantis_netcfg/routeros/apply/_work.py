@@ -1,23 +1,4 @@
-"""The state of a run on one device: stages, what is armed on it, what is told of it.
-
-Where a run on one device stands: what was read, what was sent, what is known of it; and who is told.
-
-How a plan is cut so that safe mode never has to remember more than it can.
-
-A plan within the budget is one piece. Otherwise harmless additions may go outside safe mode: those that others name
-(address lists, pools) before it, those that name others (leases) after it. What is left is cut into pieces with a
-checkpoint between them.
-
-What a run says at its end and of its plan, the same for one device and for the two ends of a bridge.
-
-What is still armed or open on a device: safe mode, jobs of its scheduler, the marker of a run.
-
-Every reading asks for it in its one flight, also where nothing is to be changed. A plan and drift tell it. A run takes
-away what a run has left that is over, once it has read that the device is as declared; what may be in use it leaves
-alone. Only a run that sees both ends of a bridge takes the job `atlantis-pair` away.
-
-That a run is over is known of the runs of this computer: one at a time may change a site, and that one is ours.
-"""
+"""The state of a run on one device: what was read and sent, how its plan is cut, what is still armed, what is told."""
 
 from __future__ import annotations
 
@@ -64,7 +45,12 @@ class Stages:
 
 
 def cut(plan: Plan, protection: Protection, budget: int = BUDGET) -> Stages:
-    """Cut a plan in the way that costs the fewest round trips; without safe mode there is nothing to cut for."""
+    """Cut a plan in the way that costs the fewest round trips; without safe mode there is nothing to cut for.
+
+    A plan within the budget is one piece. Otherwise harmless additions may go outside safe mode: those that others name
+    (address lists, pools) before it, those that name others (leases) after it. What is left is cut into pieces with a
+    checkpoint between them, so that safe mode never has to remember more than it can.
+    """
     if not protection.holds:
         return Stages(prepare=plan.actions)
     ways = [_cut(plan, budget, outside) for outside in ((), (_NAMED,), (_NAMING,), (_NAMED, _NAMING))]
@@ -192,7 +178,13 @@ _WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class Leftovers:
-    """What was read of one device; false if nothing is armed and nothing is open."""
+    """What was read of one device; false if nothing is armed and nothing is open.
+
+    Every reading asks for it in its one flight, also where nothing is to be changed. A plan and drift tell it. A run
+    takes away what a run has left that is over, once it has read that the device is as declared; what may be in use it
+    leaves alone. Only a run that sees both ends of a bridge takes the job `atlantis-pair` away. That a run is over is
+    known of the runs of this computer: one at a time may change a site, and that one is ours.
+    """
 
     safe_mode: str | None = None
     """Who holds it."""

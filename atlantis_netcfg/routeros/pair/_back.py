@@ -2,12 +2,6 @@
 
 What counts is what was read from both. If the near end turns out to be permanent (its release was executed, only its
 answer was lost) the far end has to stay new as well; in every other case both are to be as before.
-
-What runs that are over have left on the two ends of a bridge: taken away, or waited for, by what makes both alike.
-
-A job `atlantis-pair` takes its end back if the link is lost. It goes once both ends are as declared and nobody holds
-their safe mode: from then on both stay. While only its own end has the new radio it has to run, for the other one has
-returned. In every other case the run that follows plans from what it reads, and arms a job of its own.
 """
 
 from __future__ import annotations
@@ -248,7 +242,12 @@ BackResults = tuple["DeviceResult", "DeviceResult"]
 
 
 async def clear(work: Transaction, mode: JobMode) -> BackResults | None:
-    """Leave nothing armed or open on either end, both read anew; else how the run ends."""
+    """Leave nothing armed or open on either end, both read anew; else how the run ends.
+
+    A job `atlantis-pair` takes its end back if the link is lost. It goes once both ends are as declared and nobody
+    holds their safe mode: from then on both stay. While only its own end has the new radio it has to run, for the other
+    one has returned. In every other case the run that follows plans from what it reads, and arms a job of its own.
+    """
     stopped = _in_use(work, mode)
     if stopped:
         return _stopped(work, stopped)

@@ -9,20 +9,8 @@ above any old row.
 
 A row that N wants higher up is moved: whoever matched it still meets it or a row of N above it. A row that N wants
 further down is added there and removed above. So a row is changed in place only where it neither matches nor decides.
-
 With jumps this holds for each chain; `_sequence` makes it hold for the whole where a chain is new, or goes, or its
 callers stay as they are.
-
-Longest common subsequence of two lists, quick where they are alike.
-
-Hunt and Szymanski, "A fast algorithm for computing longest common subsequences" (CACM 20, 1977): pairs of equal
-elements, then the longest increasing run of positions. Common ends are cut off first.
-
-In which order rows of a first-match menu may be inserted or removed when some of them jump to chains of others.
-
-Within a chain: insertion from the top down, removal from the bottom up. A chain that others jump to counts as standing
-where the jump stands: its rows come after those above the jump and before those below it. Where no order satisfies all
-jumps (two chains that call each other's targets crosswise), the order of the list goes on.
 """
 
 from __future__ import annotations
@@ -49,6 +37,9 @@ def common(old: Sequence[Hashable], new: Sequence[Hashable]) -> list[tuple[int, 
     """Return the positions (in `old`, in `new`) of a longest common subsequence, ascending.
 
     Of several it prefers one that keeps elements which stand early in `old`, so that those left out tend to move up.
+
+    Hunt and Szymanski, "A fast algorithm for computing longest common subsequences" (CACM 20, 1977): pairs of equal
+    elements, then the longest increasing run of positions. Common ends are cut off first.
     """
     head = _common_length(old, new, len(old), len(new))
     tail = _common_length(old[::-1], new[::-1], len(old) - head, len(new) - head)
@@ -113,7 +104,12 @@ def removal(rules: Sequence[Rule]) -> list[int]:
 
 
 def _sorted(rules: Sequence[Rule], *, after_jump: bool) -> list[int]:
-    """Topological order, by place wherever that is free."""
+    """Topological order, by place wherever that is free.
+
+    Within a chain: insertion from the top down, removal from the bottom up. A chain that others jump to counts as
+    standing where the jump stands: its rows come after those above the jump and before those below it. Where no order
+    satisfies all jumps (two chains that call each other's targets crosswise), the order of the list goes on.
+    """
     followers: list[list[int]] = [[] for _ in rules]
     waiting = [0] * len(rules)
     for first, then in _edges(rules, after_jump=after_jump):

@@ -1,18 +1,4 @@
-"""The ledger while it is written to, and its signed head: its last line when a command last had the CA key open.
-
-The chain of the ledger's lines needs no key: whoever may write the file can make a new chain, or remove its end. A head
-cannot be made without the key. Lines that are written without a key stand after it: who was seen, who is out.
-
-An authority that an older version founded has no head until a command opens its CA key. If lines are cut off before
-that, only the certificates, the list and the server show it. Whoever cuts lines off later must also remove the head and
-every line since, which restores an old copy: the server shows that.
-
-What signing needs: the folder, the ledger open for writing, the CA with its key; held under the lock.
-
-Also the server's certificate and key, which are made and checked with it.
-
-The revocation list: made from the record, recorded, then put in place.
-"""
+"""The ledger while it is written, its signed head, and what signing needs: server certificate, revocation list."""
 
 from __future__ import annotations
 
@@ -128,7 +114,16 @@ _WHAT = b"head of the record of an ATLANTIS VPN authority\n"
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """What was signed last."""
+    """What was signed last.
+
+    The last line of the ledger when a command last had the CA key open. The chain of the lines needs no key: whoever
+    may write the file can make a new chain, or remove its end. A head cannot be made without the key. Lines that are
+    written without a key stand after it: who was seen, who is out.
+
+    An authority that an older version founded has no head until a command opens its CA key. If lines are cut off before
+    that, only the certificates, the list and the server show it. Whoever cuts lines off later must also remove the head
+    and every line since, which restores an old copy: the server shows that.
+    """
 
     line: int
     digest: str
@@ -245,7 +240,10 @@ def is_sound(folder: Path, record: ServerIssued) -> bool:
 
 @dataclass(frozen=True)
 class SigningSession:
-    """What a command that signs works with; one per command."""
+    """What a command that signs works with; one per command.
+
+    The folder, the ledger open for writing, the CA with its key; held under the lock.
+    """
 
     folder: Path
     ledger: LedgerSession

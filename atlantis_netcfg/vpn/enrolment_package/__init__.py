@@ -3,13 +3,6 @@
 The content is a pure function of the declaration, the identity and the contact: page, profile and test cannot disagree.
 It exists in memory only until it is sealed: no step writes a secret to a disk. The same package reads it back
 (`accept`), so that a declared host takes the same path as every partner.
-
-One sealed file for one member: pack it, seal it, open it, and take a declared host's identity out of it.
-
-The file is sealed for a key that its reader has, or with a passphrase that is told by telephone and stored nowhere. The
-archive inside has the same bytes for the same files, and nothing is taken from one that is not ours. It is a tar and
-not a zip, since a tar is unpacked as it comes out of `age --decrypt`: no key touches the disk on its way, and every
-unpacker keeps the mode of the files.
 """
 
 from __future__ import annotations
@@ -61,7 +54,11 @@ class NotAHandOut(UsageError):
 
 
 def pack(folder: str, files: Mapping[str, str], modified: int) -> bytes:
-    """A tar with one folder; `modified` is in seconds since 1970, for every file."""
+    """A tar with one folder; `modified` is in seconds since 1970, for every file.
+
+    The same bytes for the same files. It is a tar and not a zip, since a tar is unpacked as it comes out of
+    `age --decrypt`: no key touches the disk on its way, and every unpacker keeps the mode of the files.
+    """
     packed = io.BytesIO()
     with tarfile.open(fileobj=packed, mode="w", format=tarfile.USTAR_FORMAT) as archive:
         for name, text in files.items():
@@ -121,7 +118,10 @@ Sealing = Recipient | OneTimePassphrase
 
 
 def seal(data: bytes, sealing: Sealing) -> tuple[bytes, Secret | None]:
-    """The sealed bytes, and the passphrase if there is one. Raises RecipientRefused."""
+    """The sealed bytes, and the passphrase if there is one. Raises RecipientRefused.
+
+    For a key that the reader has, or with a passphrase that is told by telephone and stored nowhere.
+    """
     if isinstance(sealing, Recipient):
         return pki.seal_for(data, sealing.public), None
     passphrase = _passphrase()

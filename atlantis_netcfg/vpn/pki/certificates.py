@@ -1,13 +1,7 @@
-"""Certificates of the authority, its server and its members.
+"""Certificates of the authority, its server and its members, and the list of revoked ones.
 
 No function takes a certificate request: names come from the ledger, and a request's own subject is never read.
 What a peer may be is said twice, as OpenVPN's `remote-cert-tls` reads both: key usage, and extended key usage.
-
-The list of revoked certificates: signed, checked as no OpenVPN checks it, and laid where OpenVPN notices it.
-
-OpenVPN fails open and shut here (facts 4). A list of another CA, also of one with the same name, admits the revoked
-with a warning; a list replaced in the same second with one of the same size is not read; an expired, early or cut one
-locks everybody out. So nothing is put in place that was not read back and found to be ours, newer, whole, in force.
 """
 
 from __future__ import annotations
@@ -305,6 +299,11 @@ def publish(  # noqa: PLR0913 - a list, and what it is checked against
     """Check a list, then put it in place at once and for good. Raises CrlRefused, OSError: the old list stays.
 
     Its time is a second after the old one's, if the clock is not further: OpenVPN compares size and whole seconds.
+
+    OpenVPN fails open and shut here (facts 4). A list of another CA, also of one with the same name, admits the revoked
+    with a warning; a list replaced in the same second with one of the same size is not read; an expired, early or cut
+    one locks everybody out. So nothing is put in place that was not read back and found to be ours, newer, whole, in
+    force.
     """
     facts = check_crl(pem, ca_certificate, above=above, now=now)
     modified = int(now.timestamp())

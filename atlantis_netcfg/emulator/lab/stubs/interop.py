@@ -1,14 +1,4 @@
-"""A stand-in for the partners' interoperability library and examples, which are not public: small projects of ours.
-
-They have what the toolkit has to deal with: a colcon workspace of two packages, one of them a submodule with the
-message definitions, and examples by cmake that find the library and yaml-cpp. They exchange nothing with anybody: what
-the partners' library does on a network is not rehearsed by them.
-
-A git server for machines: `git http-backend` behind a small HTTP server that asks for a token.
-
-It gives what a forge gives: smart HTTP, shallow fetches, commits by their name, and one word for a token that is wrong
-and for a repository that is not there.
-"""
+"""A stand-in for the partners' interoperability library and examples, which are not public, and a git server."""
 
 from __future__ import annotations
 
@@ -126,7 +116,12 @@ Stamped telemetry(double value) {{ return {{0.0, value}}; }}
 
 @dataclass(frozen=True)
 class InteropProjects:
-    """The repositories in a folder that a git server may serve, by the partners' own names."""
+    """The repositories in a folder that a git server may serve, by the partners' own names.
+
+    They have what the toolkit has to deal with: a colcon workspace of two packages, one of them a submodule with the
+    message definitions, and examples by cmake that find the library and yaml-cpp. They exchange nothing with anybody:
+    what the partners' library does on a network is not rehearsed by them.
+    """
 
     folder: Path
 
@@ -203,7 +198,11 @@ _BACKEND = ("git", "http-backend")
 
 @dataclass
 class GitServer:
-    """What it serves; `token` may be changed while it runs, None lets everybody read."""
+    """What it serves; `token` may be changed while it runs, None lets everybody read.
+
+    It gives what a forge gives: smart HTTP, shallow fetches, commits by their name, and one word for a token that is
+    wrong and for a repository that is not there.
+    """
 
     folder: Path
     token: str | None

@@ -1,12 +1,7 @@
-"""What RouterOS refuses although every single value is fine.
+"""What RouterOS refuses although every single value is fine, and what it fills in itself when a row is added or set.
 
 Where no source has its words, the text is ours in its manner; the tests mark those.
-
 Assumption: refusal-words
-
-One command as API and console hand it to the handlers, what they return, and how they refuse.
-
-What RouterOS fills in itself when a row is added or set: names, networks, MAC addresses.
 """
 
 from __future__ import annotations

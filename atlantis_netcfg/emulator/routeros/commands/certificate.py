@@ -1,19 +1,10 @@
-"""`/certificate` and `/interface/ovpn-client`: sign, import a certificate, import a profile.
+"""`/certificate` and `/interface/ovpn-client`: sign, import a certificate, import a profile (Manual, Certificates).
 
-`/certificate`: sign a template, import a file (Manual, Certificates). Keys stay with their row.
-
-No public source has the words of the refusals. A certificate that is there already is not taken a second time, and a
-key without its certificate is not taken at all.
+No public source has the words of the refusals, but of the unsupported option of a profile.
 
 Assumption: refusal-words
 Assumption: certificate-import
-
-`/interface/ovpn-client/import-ovpn-configuration`: an interface, its certificates and its hidden key out of a file.
-
-What the file may hold stands in `twin.ovpn`. Of the refusals only the unsupported option's words are known.
-
 Assumption: ovpn-import
-Assumption: refusal-words
 """
 
 from __future__ import annotations
@@ -40,7 +31,10 @@ _SELECTORS = ("numbers", "number", ".id")
 
 
 def sign(core: Core, call: Call) -> CallResult:
-    """Make the key of a template and sign it, by itself or by `ca=`."""
+    """Make the key of a template and sign it, by itself or by `ca=`.
+
+    Keys stay with their row.
+    """
     _known(core, call)
     named = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
     if named is None:
@@ -66,7 +60,10 @@ def sign(core: Core, call: Call) -> CallResult:
 
 
 def import_certificate(core: Core, call: Call) -> CallResult:
-    """Take certificates and keys from a PEM file; a key joins the certificate that it belongs to."""
+    """Take certificates and keys from a PEM file; a key joins the certificate that it belongs to.
+
+    A certificate that is there already is not taken a second time, and a key without its certificate not at all.
+    """
     _known(core, call)
     name = call.arguments.get("file-name")
     if name is None:
@@ -138,7 +135,10 @@ _TRUE = ("", "yes", "true")
 
 
 def import_profile(core: Core, call: Call) -> CallResult:
-    """Make what the file says; nothing is made where any of it is refused."""
+    """Make what the file says; nothing is made where any of it is refused.
+
+    An interface, its certificates and its hidden key; what the file may hold stands in `read_ovpn`.
+    """
     name = call.arguments.get("file-name")
     if name is None:
         raise MissingArgument("file-name")

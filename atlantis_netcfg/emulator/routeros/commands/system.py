@@ -1,12 +1,7 @@
-"""Commands without a menu of rows: reboot, ping, log, device-mode, and rows of `/interface`.
+"""Commands without a menu of rows: reboot, ping, log, device-mode, rows of `/interface`, safe mode, undo and redo.
 
-`/interface/ethernet/monitor`: whether a port has a link, and how fast it is (Manual, Ethernet).
-
-`/interface/ethernet/poe/monitor`: what each port that can feed gives (Manual, PoE-Out).
-
-`/safe-mode`, `/undo`, `/redo` (Manual, Configuration Management: Safe Mode).
-
-What a second taker is told over the API nobody has published; the text is the console's question as a refusal.
+Manual, Ethernet; Manual, PoE-Out; Manual, Configuration Management: Safe Mode. What a second taker is told over the API
+nobody has published; the text is the console's question as a refusal.
 
 Assumption: safe-mode-second-taker
 """

@@ -1,19 +1,7 @@
 r"""Statements of the subset: `:put`, `:error`, `:do { ... } on-error={ ... }`, `:if`, and commands of menus.
 
-A condition of `:if` compares a number with a variable or with how many rows a `find` means: `($"response-count" = 0)`,
-`([:len [/ip route find disabled=no]] > 0)`, or a variable with a regular expression: `($v ~ "^ok")`.
-
 Besides, what hands texts to the device's own parser: `:put [:parse "..."]`, `:foreach` over texts, and `:local` with
 what a command returns, `[:execute script=(...) as-string]`.
-
-Names are looked up while parsing, as RouterOS does: a script with a misspelt menu, command or argument does not start.
-
-What a script is made of, once it is parsed.
-
-The characters of a script: where they stand, how lines join, how values are quoted.
-
-Quoting (Manual, Scripting: Constant Escape Sequences): only double quotes; within them `$name` is substituted, by
-nothing if no such variable exists, and `\` starts an escape; outside them `$` and `\` are errors.
 """
 
 from __future__ import annotations
@@ -121,6 +109,9 @@ class IfStatement:
     """`:if (left sign right) do={ ... } else={ ... }`; right of `~` stands a regular expression.
 
     On the left of a time in seconds (`90s`) stands a command that returns a time: `[/system resource get uptime]`.
+
+    A number is compared with a variable or with how many rows a `find` means: `($"response-count" = 0)`,
+    `([:len [/ip route find disabled=no]] > 0)`; or a variable with a regular expression: `($v ~ "^ok")`.
     """
 
     left: Variable | Find | MenuCommand
@@ -168,7 +159,11 @@ class ConsoleError(Exception):
 
 @dataclass(slots=True)
 class TextPart:
-    """A script and a position in it."""
+    r"""A script and a position in it.
+
+    Quoting (Manual, Scripting: Constant Escape Sequences): only double quotes; within them `$name` is substituted, by
+    nothing if no such variable exists, and `\` starts an escape; outside them `$` and `\` are errors.
+    """
 
     source: str
     at: int = 0
@@ -359,7 +354,10 @@ _POSITIONAL = {
 
 @dataclass(slots=True)
 class Parser:
-    """Reads statement after statement; a menu on a line of its own is the starting point of the lines below."""
+    """Reads statement after statement; a menu on a line of its own is the starting point of the lines below.
+
+    Names are looked up while parsing, as RouterOS does: a script with a misspelt word does not start.
+    """
 
     core: Core
     text: TextPart

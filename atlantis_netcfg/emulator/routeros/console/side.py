@@ -1,8 +1,4 @@
-"""A console session of an emulated router: prompts, lines, safe mode, what other sessions notice.
-
-The side of a device that a console session sees: lines, prompt, Ctrl+X, and what is asked at a first login.
-
-What a person types at the prompt: a line, or Ctrl+X.
+"""A console session of an emulated router: prompts, lines, Ctrl+X, safe mode, what other sessions notice.
 
 Sources: Manual, Command Line Interface; Manual, Configuration Management: Safe Mode.
 """

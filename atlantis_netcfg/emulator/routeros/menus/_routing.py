@@ -1,12 +1,8 @@
-"""Routing tables, rules and settings.
+"""Routing tables, rules and settings, netwatch and the queue tree.
 
-Values and defaults: Manual, CLI reference of `/routing/table`, `/routing/rule`, `/routing/settings`; Manual, Policy
-Routing; Manual, VRF. Exports of 7.16 to 7.19 name a VRF as interface, as routing table and behind the `@` of a gateway.
-
-Netwatch and the queue tree.
-
-Values and defaults: Manual, Netwatch; Manual, Queues; Manual, CLI reference of both menus. Intervals, rates and
-percentages are printed as in other menus.
+Values and defaults: Manual, CLI reference of these menus; Manual, Policy Routing; Manual, VRF; Manual, Netwatch;
+Manual, Queues. Exports of 7.16 to 7.19 name a VRF as interface, as routing table and behind the `@` of a gateway.
+Intervals, rates and percentages are printed as in other menus.
 
 Assumption: netwatch-values
 """

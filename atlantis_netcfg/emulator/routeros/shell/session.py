@@ -1,12 +1,8 @@
 """One console session: keys in, text out; greeting, prompt, command, page, question.
 
-The questions of a first login: licence, default configuration, a new password.
-
-Their words are the device's, as netmiko and community.routeros wait for them.
+The questions of a first login have the device's words, as netmiko and community.routeros wait for them.
 
 Assumption: console-first-login
-
-What a console session needs of the device behind it, and the plainest one: a device with nothing in between.
 """
 
 from __future__ import annotations

@@ -1,11 +1,4 @@
-"""The seam between the connections of a router twin and the router itself.
-
-A TCP connection to a router twin: the client's end on a socket, the bearer, and the router's own firewall.
-
-What the path does not let through is held as TCP would send it again, until the path is open or the router gives up.
-
-The rows of `/ip/service` as the wire needs them (Manual, Services).
-"""
+"""The connections of a router twin: the client's socket, the bearer, and the router's firewall and services."""
 
 from __future__ import annotations
 
@@ -206,6 +199,8 @@ class Pipe(asyncio.Protocol):
 
     The tallies `_heard` and `_answered` belong to the client's end and travel with what it says, so that round trips
     are counted where they are paid for.
+
+    What the path does not let through is held as TCP would send it again, until it is open or the router gives up.
     """
 
     def __init__(self, host: RouterHost, service: str) -> None:

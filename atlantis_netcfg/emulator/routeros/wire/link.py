@@ -1,14 +1,4 @@
-"""The link between a client and an emulated router: delay, loss, rate, faults, byte counters.
-
-The bearer between client and router: a delay line, so that pipelined sentences share one delay.
-
-Both ends of a `DelayLine` live in the server: what the client's socket hands over enters at once and leaves later.
-
-Faults that strike at a chosen sentence, so that a test can cut a run at every point of it.
-
-What was counted on the wire, so that a test can hold a claim about round trips and bytes.
-
-What a router does on its wire that no manual promises: order, limits and moods, each a knob.
+"""The link between a client and an emulated router: delay, loss, rate, faults, byte counters, moods of the API service.
 
 Assumption: api-tagged-order
 Assumption: api-flight-24
@@ -151,7 +141,10 @@ def _tcp(link: RouterLink) -> TcpLink:
 
 
 class DelayLine:
-    """One direction of one connection: first in, first out, each chunk when it is due and the air is free."""
+    """One direction of one connection: first in, first out, each chunk when it is due and the air is free.
+
+    Pipelined sentences share one delay. Both ends live in the server: what is handed over enters at once.
+    """
 
     def __init__(
         self, bearer: WireBearer, direction: Direction, air: asyncio.Event, deliver: Callable[[Chunk], None]
@@ -244,7 +237,10 @@ class LinkFault(BaseModel):
 
 
 class Faults:
-    """The faults that are armed."""
+    """The faults that are armed.
+
+    They strike at a chosen sentence, so that a test can cut a run at every point of it.
+    """
 
     def __init__(self) -> None:
         self._armed: list[tuple[LinkFault, int]] = []
