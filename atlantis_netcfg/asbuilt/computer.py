@@ -140,8 +140,8 @@ def _worthy(text: str | None) -> str | None:
 
 
 def _release(text: str) -> str | None:
-    found = re.search(r'^PRETTY_NAME="?([^"\n]+)"?$', text, re.MULTILINE)
-    return found[1] if found else None
+    match = re.search(r'^PRETTY_NAME="?([^"\n]+)"?$', text, re.MULTILINE)
+    return match[1] if match else None
 
 
 def _versions(text: str | None, packages: Sequence[str]) -> dict[str, str]:

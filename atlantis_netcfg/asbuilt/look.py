@@ -113,14 +113,14 @@ class SiteLook:
             return device.model_copy(update={"state": state, "why": why})
         self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
         try:
-            found = await self._read(host, device)
+            result = await self._read(host, device)
         except NetcfgError as error:
             self.notify(Event(host.name, Stage.FAILED, str(error)))
             hint = error.hint and complete(error.hint, site=host.site, device=host.name)
             return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": str(error), "hint": hint})
-        answered = found.read_at is not None
-        self.notify(Event(host.name, Stage.DONE if answered else Stage.FAILED, "read" if answered else found.why))
-        return found
+        answered = result.read_at is not None
+        self.notify(Event(host.name, Stage.DONE if answered else Stage.FAILED, "read" if answered else result.why))
+        return result
 
     def _why_not(self, host: Host) -> tuple[ReadState | None, str]:
         """Why a host cannot be asked; None if it can."""
@@ -261,29 +261,29 @@ def places(declaration: Declaration, host: Host) -> dict[str, str]:
     boxes = {bearer.name: bearer.device for bearer in site.bearers} | {
         link.name: link.device for link in site.served_links
     }
-    found = {}
+    result = {}
     for port in device.ports:
         link = port.link if isinstance(port, Port) else None
         what = _USES.get(port.use) or f"link {link}: {boxes.get(link or '') or 'a cable'}"
         power = f", power for {fed[port.name]}" if port.name in fed and fed[port.name] not in what else ""
-        found[port.name] = f"{what}{power}"
-    return found
+        result[port.name] = f"{what}{power}"
+    return result
 
 
 def addresses(declaration: Declaration, site: str) -> dict[str, str]:
     """MAC or address to the host or link of the site that has it by the declaration."""
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for bearer in declaration.sites[site].bearers:
-        found[str(bearer.gateway)] = f"next hop of {bearer.name}"
-        found |= {str(canary): f"canary of {bearer.name}" for canary in bearer.canaries}
+        result[str(bearer.gateway)] = f"next hop of {bearer.name}"
+        result |= {str(canary): f"canary of {bearer.name}" for canary in bearer.canaries}
     for entry in declaration.sites[site].lan.reservations:
-        found |= {entry.mac: entry.name, str(entry.address): entry.name}
+        result |= {entry.mac: entry.name, str(entry.address): entry.name}
     for host in declaration.site_hosts(site):
         address = getattr(host.device, "address", None) or getattr(
             getattr(host.device, "access", None), "address", None
         )
-        found |= {str(key): host.name for key in (host.device.mac, address) if key is not None}
-    return found
+        result |= {str(key): host.name for key in (host.device.mac, address) if key is not None}
+    return result
 
 
 class JournalFacts:

@@ -210,8 +210,8 @@ def table_words(table: ReportTable) -> str:
 
 @cache
 def _environment() -> Environment:
-    made = page_environment("atlantis_netcfg.asbuilt")
-    made.globals.update(
+    result = page_environment("atlantis_netcfg.asbuilt")
+    result.globals.update(
         heading=heading,
         subtitle=subtitle,
         what=what,
@@ -228,4 +228,4 @@ def _environment() -> Environment:
         table_words=table_words,
         anchor=anchor,
     )
-    return made
+    return result

@@ -125,10 +125,10 @@ _BARE_BITS = 1_000_000
 
 def decibels(text: str | None, low: float, high: float, unit: str = "dBm") -> float | None:
     """Read `-97dBm`, `-48dBm@6Mbps`, `-9dB`, `-72`; None outside the range that is physically possible."""
-    found = _LEVEL.fullmatch((text or "").strip())
-    if found is None or (found[2] is not None and found[2].lower() != unit.lower()):
+    match = _LEVEL.fullmatch((text or "").strip())
+    if match is None or (match[2] is not None and match[2].lower() != unit.lower()):
         return None
-    value = float(found[1])
+    value = float(match[1])
     return value if low <= value <= high else None
 
 
@@ -137,15 +137,15 @@ def megabits(text: str | None) -> float | None:
     stripped = (text or "").strip()
     if stripped.isdecimal():
         return int(stripped) / _BARE_BITS if int(stripped) >= _BARE_BITS else None
-    found = _RATE.fullmatch(stripped)
-    value = float(found[1]) * _PER_MEGABIT[found[2].lower()] if found is not None else 0.0
+    match = _RATE.fullmatch(stripped)
+    value = float(match[1]) * _PER_MEGABIT[match[2].lower()] if match is not None else 0.0
     return round(value, 3) or None
 
 
 def percent(text: str | None) -> float | None:
     """Read `90` or `90%`."""
-    found = _PERCENT.fullmatch((text or "").strip())
-    value = float(found[1]) if found is not None else None
+    match = _PERCENT.fullmatch((text or "").strip())
+    value = float(match[1]) if match is not None else None
     return value if value is not None and value <= 100 else None  # noqa: PLR2004 - per cent
 
 

@@ -148,14 +148,14 @@ def link_state(reading: WifiReading) -> LinkState:
 def quality(reading: WifiReading, expected: WifiExpected | None = None) -> Quality:
     """The readings of a `BearerStatus`, of the declared peer if it is registered, else of the first one."""
     peer = _declared_peer(reading, expected)
-    found: Quality = {"status": reading.status, "channel": reading.channel}
+    result: Quality = {"status": reading.status, "channel": reading.channel}
     names = ("signal_dbm", "tx_signal_dbm", "snr_db", "tx_rate_mbps", "rx_rate_mbps", "tx_ccq_percent")
     for name in (*names, "rx_ccq_percent", "uptime_s"):
-        found[name] = None if peer is None else getattr(peer, name)
+        result[name] = None if peer is None else getattr(peer, name)
     for number, level in enumerate(peer.chains_dbm if peer is not None else ()):
-        found[f"signal_chain{number}_dbm"] = level
-    found["peer"] = None if peer is None else peer.radio_name or peer.mac
-    return found
+        result[f"signal_chain{number}_dbm"] = level
+    result["peer"] = None if peer is None else peer.radio_name or peer.mac
+    return result
 
 
 def _declared_peer(reading: WifiReading, expected: WifiExpected | None) -> WifiPeer | None:
@@ -344,13 +344,13 @@ def _condition(status: str | None) -> WifiCondition:
 
 
 def _mhz(channel: str | None) -> int | None:
-    found = _MHZ.match(channel or "")
-    return int(found[0]) if found is not None else None
+    match = _MHZ.match(channel or "")
+    return int(match[0]) if match is not None else None
 
 
 def _wait_left(status: str | None) -> float | None:
-    found = _LEFT.search(status or "")
-    return seconds(found[0]) if found is not None else None
+    match = _LEFT.search(status or "")
+    return seconds(match[0]) if match is not None else None
 
 
 def _associated(

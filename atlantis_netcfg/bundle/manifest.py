@@ -172,10 +172,10 @@ MAKERS = {name: _PACKAGES[name] for name in ("apt-get", "apt-config", "dpkg-deb"
 
 def program(name: str) -> str:
     """The path of a program. Raises BundleRefused where it is not installed."""
-    found = shutil.which(name)
-    if found is None:
+    result = shutil.which(name)
+    if result is None:
         raise BundleRefused(f"`{name}` is not installed on this computer", hint=f"sudo apt install {_PACKAGES[name]}")
-    return found
+    return result
 
 
 def require_programs() -> None:
@@ -236,10 +236,10 @@ class Keys:
             _gpg(home, "--import", stdin=secret)
             listed = _gpg(home, "--with-colons", "--list-keys").decode()
             public = _gpg(home, "--export")
-        found = re.search(r"^fpr:+([0-9A-F]{40}):", listed, re.MULTILINE)
-        if found is None:
+        match = re.search(r"^fpr:+([0-9A-F]{40}):", listed, re.MULTILINE)
+        if match is None:
             raise BundleRefused(f"{place} holds no key", hint="remove it: a new key is made, and made known again")
-        return BundleSigner(found[1], public, secret)
+        return BundleSigner(match[1], public, secret)
 
     def accepts(self, fingerprint: str) -> bool:
         """Whether bundles signed by that key are taken here."""

@@ -60,10 +60,10 @@ def parsed(data: bytes) -> Any:  # noqa: ANN401 - what JSON holds
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
+    result = dict(pairs)
+    if len(result) != len(pairs):
         raise ValueError("a key stands twice")
-    return found
+    return result
 
 
 def _refused(word: str) -> NoReturn:

@@ -197,12 +197,12 @@ def _paged(lines: Sequence[printable.Row]) -> bool:
     text = printable.painted(lines, colour=printable.shows_colour(sys.stdout))
     sys.stdout.flush()
     try:
-        done = subprocess.run(  # noqa: S603 - the program that the person has chosen for this
+        process = subprocess.run(  # noqa: S603 - the program that the person has chosen for this
             typed, input=text, text=True, env={"LESS": "FRX", **os.environ}, check=False, errors="replace"
         )
     except OSError:
         return False
-    return done.returncode == 0
+    return process.returncode == 0
 
 
 _ENDS = (Stage.DONE, Stage.CONFIRMED, Stage.UNROLLED, Stage.FAILED)

@@ -94,17 +94,17 @@ def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
 
     What links carry is worked out only where a budget is declared, or what a vehicle publishes.
     """
-    found = declaration.warnings
+    result = declaration.warnings
     if any(bearer.has_standing_budget for site in declaration.sites.values() for bearer in site.bearers):
         from atlantis_netcfg.operations.standing import inventory_warnings
 
-        found = inventory_warnings(declaration)
+        result = inventory_warnings(declaration)
     if any(vehicle.telemetry for vehicle in declaration.vehicles.values()):
         from atlantis_netcfg.journal import utc_now
         from atlantis_netcfg.operations.fit import fits_nowhere
 
-        found = tuple(sorted((*found, *fits_nowhere(declaration, utc_now()))))
-    return found
+        result = tuple(sorted((*result, *fits_nowhere(declaration, utc_now()))))
+    return result
 
 
 def _tell_warnings(warnings: Sequence[Finding]) -> None:

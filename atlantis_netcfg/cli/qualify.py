@@ -221,10 +221,10 @@ def _measured(opened: CommandSession, limits: BudgetLimits) -> SeveralResults:
         elif _far_end(opened.declaration, opened.arguments).is_ours:
             open_far_end(opened.declaration, opened.request(Mode.DRIFT))
         stack.enter_context(opened.store.lock(opened.site, f"provision qualify site={opened.site}"))
-        found = measure_each(links, limits, lambda bearer, left: _link(opened, bearer, selection, left, notify))
-    if len(links) == 1 and found.results[0].failure is not None:
-        raise found.results[0].failure
-    return found
+        result = measure_each(links, limits, lambda bearer, left: _link(opened, bearer, selection, left, notify))
+    if len(links) == 1 and result.results[0].failure is not None:
+        raise result.results[0].failure
+    return result
 
 
 def _link(
@@ -321,10 +321,10 @@ def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limit
         )
     nbytes = plan.bytes if limits.max_bytes is None else min(plan.bytes, limits.max_bytes)
     seconds = plan.seconds if limits.max_seconds is None else min(plan.seconds, limits.max_seconds)
-    found = preview(nbytes, seconds, link, at_most=True)
-    if found.over_cap and not opened.rehearsed:
+    result = preview(nbytes, seconds, link, at_most=True)
+    if result.over_cap and not opened.rehearsed:
         cap = (link.cap_bytes or 0) / 1_000_000
-        refused = found.refusal()
+        refused = result.refusal()
         refused.hint = f"add `--max-mb {cap:g}`: what is measured until then is kept; or raise {link.cap_key}"
         raise refused
-    return found
+    return result

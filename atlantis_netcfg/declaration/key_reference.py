@@ -342,16 +342,16 @@ _EXAMPLES: Mapping[Any, str] = {
 
 def _examples(inventory: Path) -> dict[_Key, str]:
     """The first value of each key in the shipped inventory."""
-    found: dict[_Key, str] = {}
+    result: dict[_Key, str] = {}
     for path in sorted((inventory / "group_vars").rglob("*.yml")) + sorted((inventory / "host_vars").glob("*.yml")):
         root, _ = parse(path.read_bytes(), path.name, None)
         for variable, node in root.keys.items() if root is not None else ():
-            _collect(node, variable, found)
+            _collect(node, variable, result)
     for path in sorted((inventory / "robots").glob("*.yml")):
         root, _ = parse(path.read_bytes(), path.name, None)
         if root is not None and path.name != "keys.yml":
-            _walk(root, RobotFile, found)
-    return found
+            _walk(root, RobotFile, result)
+    return result
 
 
 def _collect(node: Node, variable: str, found: dict[_Key, str]) -> None:

@@ -599,12 +599,12 @@ _READABLE = "use another account, or a copy that this one may read"
 
 def _inventories_beside(inventory: Path) -> list[str]:
     """Names of inventories in the same folder, as far as they may be read."""
-    found = []
+    result = []
     with suppress(OSError):
         for path in sorted(inventory.absolute().parent.iterdir()):
             with suppress(OSError):
-                found += [path.name] if (path / HOSTS).is_file() else []
-    return found
+                result += [path.name] if (path / HOSTS).is_file() else []
+    return result
 
 
 def _existing(inventory: Path) -> Path:

@@ -173,13 +173,13 @@ class GnssClient:
         answer = b""
         forbidden: list[str] = []
         while text.startswith("?") or (answer and text.strip()):
-            known = _REQUEST.match(text)
-            if known is None:
+            match = _REQUEST.match(text)
+            if match is None:
                 words = json.dumps(f"Unrecognized request '{text}'")
                 return answer + b'{"class":"ERROR","message":' + words.encode() + b"}\r\n", [*forbidden, text]
-            answer += self._answer(known[1] or known[2], known[3])
-            forbidden += [known[0]] if known[2] == "DEVICE" else []
-            text = text[known.end() :].lstrip()
+            answer += self._answer(match[1] or match[2], match[3])
+            forbidden += [match[0]] if match[2] == "DEVICE" else []
+            text = text[match.end() :].lstrip()
         return answer, forbidden
 
     def _answer(self, name: str, value: str | None) -> bytes:

@@ -327,21 +327,21 @@ _KINDS = (ControlCentre, Gateway)
 
 def _participants(declaration: Declaration, dds: Dds) -> list[_DdsHost]:
     """Hosts, then the peers that are declared; in LANs also the vehicles that have a reservation there."""
-    found = [
+    result = [
         _DdsHost(name, dds.address_of(host.device), host.site, *(isinstance(host.device, kind) for kind in _KINDS))
         for name, host in declaration.hosts.items()
         if isinstance(host.device, ServerComputer)
     ]
-    found += [_DdsHost(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
+    result += [_DdsHost(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
     if dds.over is DdsPath.LAN:
-        known = {participant.address for participant in found}
-        found += [
+        known = {participant.address for participant in result}
+        result += [
             _DdsHost(reservation.name, str(reservation.address), name, everywhere=False)
             for name, site in declaration.sites.items()
             for reservation in site.lan.reservations
             if reservation.name in declaration.vehicles and str(reservation.address) not in known
         ]
-    return found
+    return result
 
 
 LOGIN = "/etc/profile.d/atlantis-rosenv.sh"

@@ -163,15 +163,15 @@ class BlockTree:
 
     def _mounts(self) -> dict[str, list[str]]:
         """Mount points by MAJOR:MINOR, and by name: btrfs shows a number that no device has (proc_pid_mountinfo(5))."""
-        found: dict[str, list[str]] = {}
+        result: dict[str, list[str]] = {}
         for line in _text(self.proc / "self" / "mountinfo").splitlines():
             before, _, after = line.partition(" - ")
             fields, lines = before.split(), after.split()
             point = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), fields[4])
-            found.setdefault(fields[2], []).append(point)
+            result.setdefault(fields[2], []).append(point)
             if len(lines) > 1 and lines[1].startswith("/dev/"):
-                found.setdefault(Path(lines[1]).resolve().name, []).append(point)
-        return found
+                result.setdefault(Path(lines[1]).resolve().name, []).append(point)
+        return result
 
     def _swaps(self) -> set[str]:
         lines = _text(self.proc / "swaps").splitlines()[1:]

@@ -341,12 +341,12 @@ def _partitions(start: bytes) -> dict[int, int]:
     if start[_SECTOR : _SECTOR + 8] != b"EFI PART":
         raise ImageRefused("the GPT of the image is damaged", hint="fetch it again")
     where, count, size = struct.unpack_from("<QII", start, _SECTOR + 72)
-    found = {}
+    result = {}
     for row in range(min(count, 128)):
         at = where * _SECTOR + row * size
         if any(start[at : at + 16]):
-            found[row + 1] = struct.unpack_from("<Q", start, at + 32)[0] * _SECTOR
-    return found
+            result[row + 1] = struct.unpack_from("<Q", start, at + 32)[0] * _SECTOR
+    return result
 
 
 def _has(data: bytes | int, magic: tuple[int, bytes]) -> bool:

@@ -90,10 +90,10 @@ def _hold(text: bytes, digest: str, algorithm: str) -> None:
 
 
 def _range(element: ET.Element, block: int, size: int) -> MappedRange:
-    if not (found := re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+))?\s*", element.text or "")):
+    if not (match := re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+))?\s*", element.text or "")):
         raise ValueError(f"`{element.text}` is no range")
-    first = int(found[1])
-    last = int(found[2]) if found[2] else first
+    first = int(match[1])
+    last = int(match[2]) if match[2] else first
     if last < first or first * block >= size:
         raise ValueError(f"the range {first}-{last} is not in the image")
     return MappedRange(first * block, min((last + 1) * block, size), element.get("chksum") or "")
@@ -147,9 +147,9 @@ def checksum(image: Path, typed: str | None = None) -> Checksum | None:
 def _listed(path: Path, name: str) -> str | None:
     """The sum of a file in the format of `sha256sum`; a file of its own may hold the bare sum."""
     for line in path.read_text(errors="replace").splitlines():
-        found = re.fullmatch(r"([0-9a-fA-F]{64})(?:[ *]+(\S.*))?", line.strip())
-        if found and (found[2] or name).rpartition("/")[2] == name:
-            return found[1].lower()
+        match = re.fullmatch(r"([0-9a-fA-F]{64})(?:[ *]+(\S.*))?", line.strip())
+        if match and (match[2] or name).rpartition("/")[2] == name:
+            return match[1].lower()
     return None
 
 
@@ -359,14 +359,14 @@ def _data(image: Path, size: int) -> Iterator[Span]:
 
 def _joined(spans: Iterable[Span], size: int) -> list[Span]:
     """Widened to whole blocks of 4 KiB (the end of the image excepted), sorted, and joined where they touch."""
-    found: list[Span] = []
+    result: list[Span] = []
     for start, end in sorted(spans):
         first, last = start // _ALIGN * _ALIGN, min(-(-end // _ALIGN) * _ALIGN, size)
-        if found and first <= found[-1][1]:
-            found[-1] = (found[-1][0], max(found[-1][1], last))
+        if result and first <= result[-1][1]:
+            result[-1] = (result[-1][0], max(result[-1][1], last))
         elif first < last:
-            found.append((first, last))
-    return found
+            result.append((first, last))
+    return result
 
 
 def _without(spans: Iterable[Span], taken: Iterable[Span]) -> Iterator[Span]:

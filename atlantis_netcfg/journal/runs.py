@@ -105,13 +105,13 @@ class Run:
     @property
     def outcomes(self) -> dict[str, Outcome]:
         """How each device ended, if that is the last word about it: a run that is resumed may have gone on with it."""
-        found: dict[str, Outcome] = {}
+        result: dict[str, Outcome] = {}
         for record in self.log.records:
             if isinstance(record, Outcome):
-                found[record.device] = record
+                result[record.device] = record
             elif isinstance(record, _TOUCHING):
-                found.pop(record.device, None)
-        return found
+                result.pop(record.device, None)
+        return result
 
     @property
     def purpose(self) -> Purpose:

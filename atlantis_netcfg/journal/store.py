@@ -282,15 +282,15 @@ class Store:
     def last_confirmed(self, site: str, devices: Iterable[str]) -> dict[str, SavedState]:
         """The latest confirmed state of each of these devices that has one; no journal is read in vain."""
         missing = set(devices)
-        found: dict[str, SavedState] = {}
+        result: dict[str, SavedState] = {}
         for name in reversed(self._names(site)):
             if not missing:
                 break
             run = self._load(site, name)
             states = {device: run.confirmed_state(device) for device in missing}
-            found |= {device: state for device, state in states.items() if state is not None}
-            missing -= found.keys()
-        return found
+            result |= {device: state for device, state in states.items() if state is not None}
+            missing -= result.keys()
+        return result
 
     def damage_since(self, site: str, since: str = "") -> str:
         """What is damaged in the journals of the latest runs, from the run `since` on; empty if nothing is."""

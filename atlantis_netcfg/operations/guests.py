@@ -88,10 +88,10 @@ def text_of(root: Path) -> str | None:
 
 def with_guest(text: str | None, entry: GuestEntry) -> str:
     """The file with one more, at its end."""
-    made = document({"guests": {entry.name: entry.tree}}, _HEAD)
+    result = document({"guests": {entry.name: entry.tree}}, _HEAD)
     if text is None:
-        return made
-    lines = made.partition("\nguests:\n")[2]
+        return result
+    lines = result.partition("\nguests:\n")[2]
     start = text if re.search(r"^guests:", text, re.MULTILINE) else f"{text.rstrip()}\n---\nguests:\n"
     return f"{start.rstrip()}\n{lines}"
 
@@ -110,9 +110,9 @@ def without_guest(text: str, name: str) -> str | None:
 
 def declared_guest(declaration: Declaration, name: str) -> Guest | None:
     """The guest of that name; None: there is none. Raises UsageError for a vehicle that is no such guest."""
-    found = declaration.vehicles.get(name)
-    if found is None or isinstance(found, Guest):
-        return found
+    result = declaration.vehicles.get(name)
+    if result is None or isinstance(result, Guest):
+        return result
     hint = "remove it there by hand: these commands write and remove what stands in guests.yml alone"
     raise UsageError(f"`{name}` is declared in vehicles.yml, and no guest of this command", hint=hint)
 

@@ -43,11 +43,11 @@ class NothingInUse(NothingMatched):
 
 def span_s(text: str) -> int:
     """Return what `for=` says, in seconds. Raises UsageError."""
-    found = _SPAN.fullmatch(text)
+    match = _SPAN.fullmatch(text)
     hint = "type minutes or hours, from 1 minute to 24 hours: `for=30m`, `for=2h`, `for=1h30m`"
-    if not text or found is None:
+    if not text or match is None:
         raise UsageError(f"`for={text}` is no time", hint=hint)
-    hours, minutes = (int(part or 0) for part in found.groups())
+    hours, minutes = (int(part or 0) for part in match.groups())
     seconds = 3600 * hours + 60 * minutes
     if not SHORTEST_S <= seconds <= LONGEST_S:
         raise UsageError(f"`for={text}` is {'less than 1 minute' if not seconds else 'more than 24 hours'}", hint=hint)

@@ -454,7 +454,7 @@ class RetrievalProgram:
     def _ask(self, verb: str, values: Mapping[str, Any]) -> dict[str, Any]:
         name = self.host.name
         try:
-            done = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
+            process = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
                 self._command(verb),
                 input=json.dumps({**values, "source": self.source.name}),
                 capture_output=True,
@@ -466,10 +466,10 @@ class RetrievalProgram:
             raise GatewayAway(f"{name} did not answer within {_ANSWER_S:.0f} s", hint="type the same again") from None
         except OSError as error:
             raise GatewayAway(f"{name} was not reached: {error}", hint="install OpenSSH's client") from None
-        if done.returncode:
-            raise self._failure(done.stderr)
+        if process.returncode:
+            raise self._failure(process.stderr)
         try:
-            answer: dict[str, Any] = json.loads(done.stdout.strip().rpartition("\n")[2])
+            answer: dict[str, Any] = json.loads(process.stdout.strip().rpartition("\n")[2])
         except ValueError:
             raise GatewayAway(f"the answer of {name} did not come whole", hint="type the same again") from None
         if answer.get("source") != self.source.name:

@@ -211,9 +211,9 @@ def _environment(root: Path, robot: Path) -> dict[str, str]:
 def _receiver(root: Path, gateway: str) -> list[str]:
     """What sshd would run for the gateway's key, with its places below `root`."""
     lines = (root / "etc/atlantis/retrieval.keys").read_text()
-    found = re.search(rf'command="([^"]*)" .* {gateway}$', lines, re.MULTILINE)
-    assert found is not None  # noqa: S101 - `gateway/retrieval.py` writes it
-    _, _, program, names, folder, budget = found[1].split(" ")
+    match = re.search(rf'command="([^"]*)" .* {gateway}$', lines, re.MULTILINE)
+    assert match is not None  # noqa: S101 - `gateway/retrieval.py` writes it
+    _, _, program, names, folder, budget = match[1].split(" ")
     (root / folder.lstrip("/")).mkdir(parents=True)
     return [*_run(root, program), names, f"{root}{folder}", budget]
 

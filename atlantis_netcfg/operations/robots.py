@@ -60,8 +60,8 @@ _POSITION: Final = (41.68, -8.83)
 
 def seconds_of(text: str) -> int:
     """Return what `for=` and `observed=` say. Raises UsageError."""
-    found = re.fullmatch(r"([0-9]{1,6})(s|m)?", text)
-    seconds = int(found[1]) * (60 if found[2] == "m" else 1) if found else 0
+    match = re.fullmatch(r"([0-9]{1,6})(s|m)?", text)
+    seconds = int(match[1]) * (60 if match[2] == "m" else 1) if match else 0
     if not SHORTEST_S <= seconds <= LONGEST_S:
         hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `30s`, `5m`"
         raise UsageError(f"`{text}` is no such time", hint=hint)

@@ -44,10 +44,10 @@ _LISTED = "`provision runs` lists what is there"
 
 def hosts_of_run(hosts: Iterable[Host], names: Collection[str]) -> tuple[Host, ...]:
     """Those hosts that a run is about, before anything is started. Raises NothingMatched when none is left."""
-    found = tuple(host for host in hosts if host.name in names)
-    if not found:
+    result = tuple(host for host in hosts if host.name in names)
+    if not result:
         raise NothingMatched("nothing to do for any device of that run", hint=_LISTED)
-    return found
+    return result
 
 
 def stores(state: Path, *, rehearsed: bool) -> tuple[Store, ...]:

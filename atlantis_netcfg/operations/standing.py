@@ -96,14 +96,14 @@ def _budgets(declaration: Declaration, site: str, uplinks: Iterable[Uplink]) -> 
 
 def _of_canaries(uplinks: Iterable[Uplink]) -> dict[str, tuple[StandingFlow, ...]]:
     """Bearer to what its canaries are asked."""
-    found: dict[str, tuple[StandingFlow, ...]] = {}
+    result: dict[str, tuple[StandingFlow, ...]] = {}
     for uplink in uplinks:
         if uplink.judged is not None:
             asking = [canaries(len(uplink.canaries), uplink.judged.watch_s)]
             if uplink.judged.checked:
                 asking.append(canaries(len(uplink.canaries), _CHECK_GATEWAY_S))
-            found[uplink.name] = tuple(asking)
-    return found
+            result[uplink.name] = tuple(asking)
+    return result
 
 
 def _shared(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:

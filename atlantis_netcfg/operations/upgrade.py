@@ -487,10 +487,10 @@ def _packages(reply: Reply) -> list[RouterOsPackage]:
 
 
 def _version(text: str) -> Version:
-    found = _maybe(text)
-    if found is None:
+    result = _maybe(text)
+    if result is None:
         raise DeviceFailed(f"this is no RouterOS that we know: it names a version `{text}`")
-    return found
+    return result
 
 
 def _maybe(text: str) -> Version | None:

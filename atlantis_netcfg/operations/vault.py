@@ -192,14 +192,14 @@ class Vault:
         # ansible reads its configuration when it is imported: most commands need neither.
         from ansible import constants  # noqa: PLC0415
 
-        found = []
+        result = []
         for item in filter(None, [*constants.DEFAULT_VAULT_IDENTITY_LIST, constants.DEFAULT_VAULT_PASSWORD_FILE]):
             label, _, file = item.rpartition("@")
             label = label or "default"
-            found.append((label, self._prompt(label) if file in PROMPTS else _of_file(label, file)))
-        if self._insist or not found:
-            found.append(("default", self._prompt("default")))
-        return found
+            result.append((label, self._prompt(label) if file in PROMPTS else _of_file(label, file)))
+        if self._insist or not result:
+            result.append(("default", self._prompt("default")))
+        return result
 
     def _prompt(self, label: str) -> object:
         from ansible.parsing.vault import VaultSecret  # noqa: PLC0415 - as above

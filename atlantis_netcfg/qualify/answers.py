@@ -93,7 +93,7 @@ def find_silences(
     copies = lost > 0 and all(pair.sequence == pair.reflector_sequence for pair in pairs)
     counts = len(set(numbers)) == len(numbers) and not copies
     arrived = counted.received - counted.duplicates if counted is not None else None
-    found: list[Silence] = []
+    result: list[Silence] = []
     before, length = -1, 0
     for packet in known:
         pair = by_sequence.get(packet.sequence)
@@ -102,12 +102,12 @@ def find_silences(
             continue
         if length:
             down = min(length, max(0, pair.reflector_sequence - before - 1))
-            found.append(Silence(length, down if counts else None))
+            result.append(Silence(length, down if counts else None))
         before, length = pair.reflector_sequence, 0
     if length:
         down_at_end = None if arrived is None or not counts else min(length, max(0, arrived - before - 1))
-        found.append(Silence(length, down_at_end))
-    return found
+        result.append(Silence(length, down_at_end))
+    return result
 
 
 def is_gap(silence: Silence, begin: TrainBegan) -> bool:

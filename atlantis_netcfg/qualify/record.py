@@ -240,8 +240,8 @@ class _Measured:
         idle = self.trains.get("idle")
         reference = None if idle is None or idle.rtt is None else idle.rtt.p50
         for name, figures in self.trains.items():
-            if (found := _TELEMETRY.fullmatch(name)) is not None:
-                octets, rate_hz = int(found[1]), float(found[2])
+            if (match := _TELEMETRY.fullmatch(name)) is not None:
+                octets, rate_hz = int(match[1]), float(match[2])
                 row = telemetry_row(octets, rate_hz, figures, reference or 0.0)
                 plan = TrainPlan(figures.size, 1 / rate_hz, _HOUR_S)
                 yield self._grid_row(name, row, reference, train_bytes(plan, self.headers))
@@ -249,9 +249,9 @@ class _Measured:
     def images(self) -> Iterable[MeasuredRate]:
         known = {image.label: image for image in IMAGES}
         for name, figures in self.messages.items():
-            if (found := _IMAGE.fullmatch(name)) is not None and found[1] in known:
-                rate_hz, reference = float(found[2]), self._reference(figures.size)
-                row = image_row(known[found[1]], rate_hz, figures, reference or 0.0)
+            if (match := _IMAGE.fullmatch(name)) is not None and match[1] in known:
+                rate_hz, reference = float(match[2]), self._reference(figures.size)
+                row = image_row(known[match[1]], rate_hz, figures, reference or 0.0)
                 yield self._grid_row(name, row, reference, self._message_bytes(figures.size, rate_hz))
 
     def _grid_row(self, name: str, row: RateRow, reference: float | None, hour_bytes: int) -> MeasuredRate:
@@ -286,9 +286,9 @@ class _Measured:
         idle = self.trains.get("idle")
         rates: dict[int, dict[float, MessageFigures]] = defaultdict(dict)
         for name, figures in self.messages.items():
-            found = _RATE.fullmatch(name)
-            if found is not None and float(found[2]) > 0 and self.reasons[name] == EndReason.DONE:
-                rates[int(found[1])][float(found[2])] = figures
+            match = _RATE.fullmatch(name)
+            if match is not None and float(match[2]) > 0 and self.reasons[name] == EndReason.DONE:
+                rates[int(match[1])][float(match[2])] = figures
         for size, windows in sorted(rates.items()):
             single, reference = self.messages.get(f"rate {size} 0"), self._reference(size)
             if single is not None and single.latency is None:

@@ -131,9 +131,9 @@ def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
 
 @cache
 def _environment() -> Environment:
-    made = page_environment("atlantis_netcfg.qualify_pages")
-    made.globals.update(in_words=in_words)
-    return made
+    result = page_environment("atlantis_netcfg.qualify_pages")
+    result.globals.update(in_words=in_words)
+    return result
 
 
 def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:

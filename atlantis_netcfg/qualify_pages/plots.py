@@ -67,27 +67,27 @@ class Plot:
 
 def plots(record: QualifyRecord, samples: Sequence[Sample]) -> list[Plot]:
     """Draw what the run has measured; what it has not has no plot."""
-    found: list[Plot] = []
+    result: list[Plot] = []
     trains = (("idle", "without load", record.idle), ("loaded", "under load", record.under_load))
     for stream, words, train in trains:
         points = round_trips(samples, stream)
         if train is not None and points:
-            found.append(_over_time(record, f"{stream}-time", words, points))
+            result.append(_over_time(record, f"{stream}-time", words, points))
     series = [
         (words, [rtt for _, rtt in round_trips(samples, stream) if rtt is not None]) for stream, words, _ in trains
     ]
     if any(values for _, values in series):
-        found.append(_shares(record, [(words, sorted(values)) for words, values in series if values]))
+        result.append(_shares(record, [(words, sorted(values)) for words, values in series if values]))
     if record.idle is not None:
-        found.append(_gaps(record, record.idle))
-        found.append(_losses(record, [(words, train) for _, words, train in trains if train is not None]))
+        result.append(_gaps(record, record.idle))
+        result.append(_losses(record, [(words, train) for _, words, train in trains if train is not None]))
     for name, title, rows in (
         ("telemetry", "Small telemetry: sizes and rates", record.telemetry),
         ("images", "Images: sizes and rates", record.images),
     ):
         if rows:
-            found.append(_grid(record, name, title, rows))
-    return found
+            result.append(_grid(record, name, title, rows))
+    return result
 
 
 @dataclass(slots=True)

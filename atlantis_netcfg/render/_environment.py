@@ -86,7 +86,7 @@ def compiled(*modules: str) -> FileSystemBytecodeCache | None:
 
 @cache
 def _made(folder: Path) -> Environment:
-    made = Environment(
+    result = Environment(
         loader=FileSystemLoader(folder),
         bytecode_cache=compiled(__file__, inspect.getfile(quote)),
         undefined=StrictUndefined,
@@ -95,10 +95,10 @@ def _made(folder: Path) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters.update(
+    result.filters.update(
         quote=_quoted, mark=mark, duration=duration, reveal=_reveal, yesno=_yesno, nft_comment=nft_comment
     )
-    return made
+    return result
 
 
 def mark(what: str) -> str:

@@ -18,7 +18,7 @@ _UNREAD: Final = "No native speaker has read this translation yet. What was sign
 
 def page_environment(package: str) -> Environment:
     """The templates of a package, for pages; whoever makes one adds its filters and globals."""
-    made = Environment(
+    result = Environment(
         loader=PackageLoader(package),
         autoescape=select_autoescape(enabled_extensions=("html.j2",)),
         undefined=StrictUndefined,
@@ -26,8 +26,8 @@ def page_environment(package: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(translate=translate)
-    return made
+    result.filters.update(translate=translate)
+    return result
 
 
 def page(environment: Environment, template: str, style: str, **values: Any) -> bytes:  # noqa: ANN401 - its words

@@ -246,10 +246,10 @@ def open_domain(number: int, configuration: str) -> Any:  # noqa: ANN401 - cyclo
     from cyclonedds import internal  # noqa: PLC0415 - as above
     from cyclonedds.domain import Domain  # noqa: PLC0415 - there is none for aarch64
 
-    made = Domain(number, configuration)
+    result = Domain(number, configuration)
     library: Any = internal
     ctypes.CDLL(str(library.library_path)).dds_set_log_mask(0)
-    return made
+    return result
 
 
 class Octets:

@@ -72,10 +72,10 @@ class MessageTypes:
     def idl(self, name: str) -> type[IdlStruct]:
         """The type of a message for DDS. Raises UsageError where it, or one that it holds, is not known."""
         try:
-            made: type[IdlStruct] = self._types.idl(name)
+            result: type[IdlStruct] = self._types.idl(name)
         except LookupError as error:
             raise _unknown(str(error.args[0])) from None
-        return made
+        return result
 
     def unchecked(self, name: str) -> type[IdlStruct]:
         """A type of this name that takes any message: cyclonedds drops what is shorter than its type without a word."""
@@ -132,15 +132,15 @@ def _read(path: Path) -> dict[str, Any]:
     if (sort, path.suffix) not in {("msg", ".msg"), ("action", ".action")}:
         hint = f"messages are {package}/msg/<Name>.msg, actions {package}/action/<Name>.action"
         raise UsageError(f"{shown_path(path)} is neither a message nor an action", hint=hint)
-    made: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     try:
         for short, text in _parts(path, content(path).decode()).items():
-            made.update(get_types_from_msg(text, f"{package}/{sort}/{short}"))
+            result.update(get_types_from_msg(text, f"{package}/{sort}/{short}"))
     except (OSError, ValueError, TypesysError) as error:
         reason = str(error).partition("\n")[0].rstrip(":")
         message = f"{shown_path(path)} cannot be read: {reason}"
         raise UsageError(message, hint="a line is a type and a name, like `float64 data`") from error
-    return made
+    return result
 
 
 def _parts(path: Path, text: str) -> dict[str, str]:

@@ -162,10 +162,10 @@ def _found(menu: Menu, statement: Statement) -> dict[str, str]:
         if statement.target.isdecimal() or statement.target.startswith("*") or len(menu.keys) > 1:
             raise Mistake(f"`{statement.target}` is another row on another router: write `set [ find {example} ]`")
         return {menu.keys[0]: statement.target}
-    found = dict(statement.find or ())
-    if set(found) != set(menu.keys):
+    result = dict(statement.find or ())
+    if set(result) != set(menu.keys):
         raise Mistake(f"a row of {menu.title} is found by its {' and '.join(menu.keys)}: write `[ find {example} ]`")
-    return found
+    return result
 
 
 def _values(menu: Menu, statement: Statement) -> dict[str, str | None]:

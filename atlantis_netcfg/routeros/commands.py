@@ -292,9 +292,9 @@ def _answers(text: str) -> dict[int, str]:
 def refusal(code: str, line: str = "") -> str | None:
     """Read a refusal; None if it is none that we know. What a device repeats of the line is not told."""
     for refusal in _REFUSALS:
-        found = refusal.match(code)
-        if found is not None:
-            words, name = found[1], _name_at(line, int(found[2]))
+        match = refusal.match(code)
+        if match is not None:
+            words, name = match[1], _name_at(line, int(match[2]))
             return words if words.startswith("bad ") or not name else f"{words} at `{name}`"
     return None
 

@@ -81,9 +81,9 @@ def _minutes(seconds: float) -> str:
 def in_use(rows: Iterable[Row]) -> LinkUse | None:
     """Return the use among the jobs of a router, or None. A comment that nobody can read is none of ours."""
     for row in rows:
-        found = _COMMENT.fullmatch(row.get("comment", ""))
-        if row.get("name") == USE and found is not None:
-            link, until, uptime_s = found.groups()
+        match = _COMMENT.fullmatch(row.get("comment", ""))
+        if row.get("name") == USE and match is not None:
+            link, until, uptime_s = match.groups()
             return LinkUse(link, datetime.strptime(until, _STAMP).replace(tzinfo=UTC), int(uptime_s))
     return None
 

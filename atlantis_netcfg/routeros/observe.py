@@ -78,10 +78,10 @@ def read_counts(reply: Reply, resource: Reply) -> PortCounts | None:
 
 def seconds(interval: str) -> float | None:
     """A time as RouterOS prints it (`1w2d3h4m5s`), in seconds; None if it is none."""
-    found = _UPTIME.fullmatch(interval)
-    if not interval or found is None:
+    match = _UPTIME.fullmatch(interval)
+    if not interval or match is None:
         return None
-    return float(sum(int(digits) * unit for digits, unit in zip(found.groups(), _UNITS, strict=True) if digits))
+    return float(sum(int(digits) * unit for digits, unit in zip(match.groups(), _UNITS, strict=True) if digits))
 
 
 _RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))

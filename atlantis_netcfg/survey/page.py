@@ -274,6 +274,6 @@ def html(survey: Survey, coast: Coast | None = None) -> bytes:
 
 @cache
 def _environment() -> Environment:
-    made = page_environment("atlantis_netcfg.survey")
-    made.globals.update(shapes=SHAPES)
-    return made
+    result = page_environment("atlantis_netcfg.survey")
+    result.globals.update(shapes=SHAPES)
+    return result

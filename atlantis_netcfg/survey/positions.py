@@ -223,14 +223,14 @@ _ADDRESS = re.compile(r"(?P<host>[A-Za-z0-9.-]+|\[[0-9A-Fa-f:]+\])(?::(?P<port>\
 
 def gpsd_address(text: str) -> tuple[str, int]:
     """Read `gps=HOST` or `gps=HOST:PORT`. Raises UsageError."""
-    found = _ADDRESS.fullmatch(text)
-    port = int(found["port"] or GPSD_PORT) if found is not None else 0
-    if found is None or not 0 < port < 65536:  # noqa: PLR2004 - ports have 16 bits
+    match = _ADDRESS.fullmatch(text)
+    port = int(match["port"] or GPSD_PORT) if match is not None else 0
+    if match is None or not 0 < port < 65536:  # noqa: PLR2004 - ports have 16 bits
         raise UsageError(
             f"`gps={text}` is no gpsd",
             hint="type `gps=gateway`, `gps=here`, or an address with or without its port: `gps=192.0.2.7:2947`",
         )
-    return found["host"].strip("[]"), port
+    return match["host"].strip("[]"), port
 
 
 _TYPED = re.compile(
@@ -243,13 +243,13 @@ def typed_position(text: str, known: dict[str, TrackPosition]) -> TrackPosition 
 
     A named one is kept in `known`. None: it is neither.
     """
-    found = _TYPED.fullmatch(text.strip())
-    if found is None:
+    match = _TYPED.fullmatch(text.strip())
+    if match is None:
         return known.get(text.strip())
-    latitude, longitude = float(found["latitude"]), float(found["longitude"])
+    latitude, longitude = float(match["latitude"]), float(match["longitude"])
     if abs(latitude) > 90 or abs(longitude) > 180:  # noqa: PLR2004 - degrees
         return None
-    position = TrackPosition(latitude, longitude, place=(found["place"] or "").strip())
+    position = TrackPosition(latitude, longitude, place=(match["place"] or "").strip())
     if position.place:
         known[position.place] = position
     return position

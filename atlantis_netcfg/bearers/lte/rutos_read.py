@@ -245,14 +245,14 @@ def _mobile(row: Mapping[str, Any]) -> bool:
 
 def _texts(row: Mapping[str, Any]) -> Sequence[str]:
     """Addresses as text, as a list of texts, or as a list of rows with `address`."""
-    found: list[str] = []
+    result: list[str] = []
     for name in ("ipaddrs", "ipv4-address", "ipv4_address", "ip", "ipaddr"):
         value = row.get(name)
         for item in value if isinstance(value, list) else [value]:
             each = item.get("address") if isinstance(item, dict) else item
             if isinstance(each, str):
-                found.append(each)
-    return found
+                result.append(each)
+    return result
 
 
 INTERFACES, DEVICE = "/api/interfaces/basic/status", "/api/system/device/status"

@@ -126,13 +126,13 @@ def read_link(out: str) -> WifiLink | None:
     """Read an association; None: the words are not understood."""
     if out.strip().startswith("Not connected"):
         return WifiLink()
-    found = _CONNECTED.search(out)
-    if found is None:
+    match = _CONNECTED.search(out)
+    if match is None:
         return None
     fields = dict(_fields(out))
     mhz = _MHZ.match(fields.get("freq", ""))
     return WifiLink(
-        bssid=found[1].upper(),
+        bssid=match[1].upper(),
         ssid=_plain(fields["SSID"]) if "SSID" in fields else None,
         frequency_mhz=int(mhz[1]) if mhz else None,
         signal_dbm=_levels(fields.get("signal", ""))[0],
@@ -162,8 +162,8 @@ def read_station(out: str, bssid: str) -> Station | None:
 
 def read_type(out: str) -> str | None:
     """Read from `iw dev INTERFACE info` what the interface is: `managed`, `AP`, `monitor`."""
-    found = _TYPE.search(out)
-    return found[1] if found else None
+    match = _TYPE.search(out)
+    return match[1] if match else None
 
 
 def read_opened(out: str) -> OpenedRadio:
@@ -183,8 +183,8 @@ def read_stations(out: str) -> tuple[str, ...]:
 
 def read_width(out: str) -> int | None:
     """Read the channel's width in MHz from `iw dev INTERFACE info`."""
-    found = _WIDTH.search(out)
-    return int(found[1]) if found else None
+    match = _WIDTH.search(out)
+    return int(match[1]) if match else None
 
 
 def read_rules(out: str) -> Rules:
@@ -203,16 +203,16 @@ def _fields(text: str) -> Iterator[tuple[str, str]]:
 
 def _levels(text: str) -> tuple[float | None, tuple[float, ...]]:
     """Read `-52 [-54, -57] dBm`; a level of 0 is what a driver writes that has none."""
-    found = _LEVEL.match(text)
-    if found is None:
+    match = _LEVEL.match(text)
+    if match is None:
         return None, ()
-    chains = tuple(float(item) for item in re.findall(r"-\d+", found[2] or ""))
-    return float(found[1]), chains
+    chains = tuple(float(item) for item in re.findall(r"-\d+", match[2] or ""))
+    return float(match[1]), chains
 
 
 def _rate(text: str) -> float | None:
-    found = _RATE.match(text)
-    return float(found[1]) or None if found else None
+    match = _RATE.match(text)
+    return float(match[1]) or None if match else None
 
 
 def _plain(ssid: str) -> str:

@@ -74,10 +74,12 @@ def _classes(tints: Mapping[ShownState | None, Any]) -> dict[str, Any]:
 
 @cache
 def _environment() -> Environment:
-    made = page_environment("atlantis_netcfg.checklist.report")
-    made.filters.update(title_of=title, css=css_class, data_uri=_data_uri, tr=translate, say=_message, code=_with_code)
-    made.filters.update(item_title=lambda item: _with_code(_texts.item_title(item)))
-    made.globals.update(
+    result = page_environment("atlantis_netcfg.checklist.report")
+    result.filters.update(
+        title_of=title, css=css_class, data_uri=_data_uri, tr=translate, say=_message, code=_with_code
+    )
+    result.filters.update(item_title=lambda item: _with_code(_texts.item_title(item)))
+    result.globals.update(
         state=state,
         symbols=SYMBOLS,
         ident=id,
@@ -95,7 +97,7 @@ def _environment() -> Environment:
         time=time_text,
         translate=translate,
     )
-    return made
+    return result
 
 
 def _message(message: str) -> Markup:

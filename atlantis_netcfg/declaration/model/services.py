@@ -54,9 +54,9 @@ def matching(pattern: str, refused: Callable[[str], PydanticCustomError]) -> Bef
 
 def _master(value: object) -> str:
     text = plain(value)
-    found = re.fullmatch(r"http://([0-9.]+):[0-9]{1,5}/?", text)
+    match = re.fullmatch(r"http://([0-9.]+):[0-9]{1,5}/?", text)
     try:
-        IPv4Address(found[1] if found else "")
+        IPv4Address(match[1] if match else "")
     except ValueError:
         raise wrong(f"`{text}` is no master of ROS 1", "its address and port, like http://192.0.2.10:11311") from None
     return text.rstrip("/")

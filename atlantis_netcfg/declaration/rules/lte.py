@@ -66,10 +66,10 @@ _PORT = re.compile(r"/dev/[\w./-]+")
 
 
 def _value(device: LteRouter, path: tuple[str, ...]) -> object:
-    found: object = device
+    result: object = device
     for name in path:
-        found = getattr(found, name, None)
-    return found
+        result = getattr(result, name, None)
+    return result
 
 
 def fields(draft: Draft) -> Iterator[Finding]:

@@ -170,21 +170,21 @@ class Lab:
         self.own(f"{gateway}/{spec.address.network.prefixlen}")
         unique = f"{self.name}-m{len(self.machines)}"
         self._stack.enter_context(in_use(tree))
-        made = Machine(
+        result = Machine(
             spec, unique, self.name, self._inside, reaper.YARDS / self.name / unique, self.folder / f"{name}.log"
         )
-        self.machines[name] = made
-        self._stack.callback(made.stop)
-        made.power_on(configured=configured, wait_s=wait_s)
-        return made
+        self.machines[name] = result
+        self._stack.callback(result.stop)
+        result.power_on(configured=configured, wait_s=wait_s)
+        return result
 
     def listen(self, port: int = 0, address: str | None = None) -> socket.socket:
         """A listening socket at the yard's end, for a server in this process; 0: any free port."""
-        made = self._inside.socket()
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind((address or self.address, port))
-        made.listen(64)
-        return made
+        result = self._inside.socket()
+        result.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        result.bind((address or self.address, port))
+        result.listen(64)
+        return result
 
     def serve(self, folder: Path, port: int = 0) -> str:
         """Serve a folder by HTTP at the yard's end as long as the yard stands; give the address, http://…:port."""

@@ -80,13 +80,13 @@ def empty(inhabitants: Callable[[], list[int]], patience_s: float = _PATIENCE_S)
 
 def control_groups() -> list[Path]:
     """Where the hierarchies of control groups are mounted that systemd keeps its books in."""
-    found = []
+    result = []
     for line in Path("/proc/self/mountinfo").read_text(encoding="utf-8").splitlines():
         place, _, kind = line.partition(" - ")
         words = kind.split()
         if words[0] == "cgroup2" or (words[0] == "cgroup" and "name=systemd" in words[2].split(",")):
-            found.append(Path(place.split()[4]))
-    return found
+            result.append(Path(place.split()[4]))
+    return result
 
 
 def _groups(lab: str) -> Iterator[Path]:
@@ -103,11 +103,11 @@ def remove_group(group: Path) -> None:
 
 
 def _members(group: Path) -> list[int]:
-    found = []
+    result = []
     for below, _, _ in os.walk(group):
         with suppress(OSError):
-            found += [int(word) for word in Path(below, "cgroup.procs").read_text(encoding="ascii").split()]
-    return found
+            result += [int(word) for word in Path(below, "cgroup.procs").read_text(encoding="ascii").split()]
+    return result
 
 
 def mounted() -> list[str]:

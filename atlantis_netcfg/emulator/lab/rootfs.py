@@ -76,13 +76,13 @@ def build_rootfs(spec: TreeSpec, cache: Path | None = None) -> Path:
     """
     place = cache_dir() / "trees" if cache is None else cache
     place.mkdir(parents=True, exist_ok=True)
-    made = place / spec.key()
+    result = place / spec.key()
     with _alone(place / f"{spec.key()}.lock") as lock:
-        if not made.is_dir():
-            _build(spec, place / f"{spec.key()}.half", made, lock)
+        if not result.is_dir():
+            _build(spec, place / f"{spec.key()}.half", result, lock)
         _note_use(lock)
-    _prune(place, keep=made)
-    return made
+    _prune(place, keep=result)
+    return result
 
 
 @contextmanager

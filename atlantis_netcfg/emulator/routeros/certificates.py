@@ -136,14 +136,14 @@ def _key(size: str) -> rsa.RSAPrivateKey | ec.EllipticCurvePrivateKey:
 
 def _alternatives(text: str) -> list[x509.GeneralName]:
     """`IP:10.0.0.1,DNS:router.lan,email:a@b` (Manual, Certificates)."""
-    found: list[x509.GeneralName] = []
+    result: list[x509.GeneralName] = []
     for part in text.split(",") if text else ():
         kind, _, value = part.partition(":")
         try:
-            found.append(_ALTERNATIVES[kind](value))
+            result.append(_ALTERNATIVES[kind](value))
         except (KeyError, ValueError) as error:
             raise BadRequest("subject-alt-name") from error
-    return found
+    return result
 
 
 _ALTERNATIVES: dict[str, Callable[[str], x509.GeneralName]] = {
@@ -224,12 +224,12 @@ def read_ovpn(text: str, *, wraps: bool) -> Imported:
 
 
 def _options(text: str) -> dict[str, list[str]]:
-    found = {}
+    result = {}
     for line in text.split("\n"):
         words = line.split()
         if words and not words[0].startswith(("#", ";")):
-            found[words[0]] = words[1:]
-    return found
+            result[words[0]] = words[1:]
+    return result
 
 
 def _values(options: Mapping[str, list[str]]) -> dict[str, str]:

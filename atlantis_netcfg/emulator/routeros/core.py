@@ -367,11 +367,11 @@ def services_of(core: Core) -> Mapping[str, Service]:
     """The services by name, as they are configured now."""
     store = core.store
     table = store.table("/ip/service")
-    found = {}
+    result = {}
     for item in table.items:
         name = store.text(table, item, "name") or ""
         certificate = store.text(table, item, "certificate")
-        found[name] = Service(
+        result[name] = Service(
             name=name,
             port=int(store.text(table, item, "port") or 0),
             enabled=store.text(table, item, "disabled") != "yes",
@@ -380,4 +380,4 @@ def services_of(core: Core) -> Mapping[str, Service]:
             tls_version=store.text(table, item, "tls-version") or "any",
             address=store.text(table, item, "address") or "",
         )
-    return found
+    return result

@@ -96,7 +96,7 @@ def ntp(core: Core, _item: StoredItem) -> _Row:
 def heard_names(core: Core) -> list[_Row]:
     """Rows of `/ip/neighbor`: who is called what on the interfaces where discovery listens."""
     settings = core.store.table("/ip/neighbor/discovery-settings")
-    found = []
+    result = []
     for number, called in enumerate(core.spec.around.called, start=1):
         interface = core.topology.by_name(called.interface)
         if (
@@ -113,8 +113,8 @@ def heard_names(core: Core) -> list[_Row]:
             "version": called.version,
             "board": called.board,
         }
-        found.append({**row, "age": "12s", "discovered-by": "mndp", "unpack": "none"})
-    return found
+        result.append({**row, "age": "12s", "discovered-by": "mndp", "unpack": "none"})
+    return result
 
 
 def _listens(core: Core, settings: StoredItem, interface: int) -> bool:

@@ -327,12 +327,12 @@ async def resolve(
     work = {name: asyncio.ensure_future(asyncio.to_thread(ask, name)) for name in unique}
     if work:
         await asyncio.wait(work.values(), timeout=timeout_s)
-    found: dict[str, frozenset[str] | None] = {}
+    result: dict[str, frozenset[str] | None] = {}
     for name, work_item in work.items():
         done = work_item.done() and not work_item.cancelled()
         work_item.cancel()
-        found[name] = work_item.result() if done else None
-    return found
+        result[name] = work_item.result() if done else None
+    return result
 
 
 class NothingToProve(NothingMatched):

@@ -87,12 +87,12 @@ def _printed(words: list[str]) -> str | None:
     if shutil.which(words[0]) is None:
         return None
     try:
-        done = subprocess.run(  # noqa: S603 - our own words
+        process = subprocess.run(  # noqa: S603 - our own words
             words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return done.stdout if done.returncode == 0 else None
+    return process.stdout if process.returncode == 0 else None
 
 
 def _commit(checkout: Path) -> datetime | None:

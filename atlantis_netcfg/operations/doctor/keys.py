@@ -166,7 +166,7 @@ def _printed(words: Sequence[str]) -> str:
     if shutil.which(words[0]) is None:
         return ""
     try:
-        done = subprocess.run(  # noqa: S603 - our own words
+        process = subprocess.run(  # noqa: S603 - our own words
             words,
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -177,7 +177,7 @@ def _printed(words: Sequence[str]) -> str:
         )
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    return done.stdout if done.returncode == 0 else ""
+    return process.stdout if process.returncode == 0 else ""
 
 
 def agent_keys() -> str:

@@ -193,11 +193,11 @@ def _taken(address: IPv4Address) -> str:
 
 
 def _cards() -> dict[str, CardFacts]:
-    found = {}
+    result = {}
     with suppress(OSError):
         for folder in Path("/sys/class/net").iterdir():
-            found[folder.name] = CardFacts((folder / "phy80211").exists(), _speed(folder / "speed"))
-    return found
+            result[folder.name] = CardFacts((folder / "phy80211").exists(), _speed(folder / "speed"))
+    return result
 
 
 def _speed(file: Path) -> int | None:

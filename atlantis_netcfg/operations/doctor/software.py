@@ -118,12 +118,12 @@ def debian_versions(packages: Iterable[str]) -> dict[str, str]:
     if shutil.which(words[0]) is None:
         return {}
     try:
-        done = subprocess.run(  # noqa: S603 - our own words
+        process = subprocess.run(  # noqa: S603 - our own words
             words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired):
         return {}
-    rows = (line.partition("\t") for line in done.stdout.splitlines())
+    rows = (line.partition("\t") for line in process.stdout.splitlines())
     return {name: version for name, _, version in rows if version}
 
 

@@ -339,12 +339,12 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
 
 async def _names(declaration: Declaration, site: str) -> dict[str, tuple[BearerFinding, ...]]:
     """Ask this computer whether the names of each satellite's allow-list are still where it says."""
-    found = {}
+    result = {}
     for bearer in declaration.sites[site].bearers:
         targets = named_targets(declaration, site, bearer)
         resolved = await resolve(target.dns_name for target in targets)
-        found[bearer.name] = judge_names(targets, resolved, "this computer")
-    return found
+        result[bearer.name] = judge_names(targets, resolved, "this computer")
+    return result
 
 
 def _with_far_ends(declaration: Declaration, chosen: Sequence[Host]) -> list[Host]:

@@ -191,12 +191,12 @@ def _whole(text: str | None) -> int | None:
 
 
 def _echoes(probes: Sequence[PolicyProbe], replies: Sequence[Reply]) -> dict[str, tuple[Echo, ...]]:
-    found: dict[str, tuple[Echo, ...]] = {}
+    result: dict[str, tuple[Echo, ...]] = {}
     for probe, reply in zip(probes, replies, strict=True):
         echo = _echo(probe.target, rows(reply))
         if echo is not None:
-            found[probe.bearer] = (*found.get(probe.bearer, ()), echo)
-    return found
+            result[probe.bearer] = (*result.get(probe.bearer, ()), echo)
+    return result
 
 
 def _echo(target: str, answers: Sequence[Row] | None) -> Echo | None:
@@ -211,23 +211,23 @@ def _echo(target: str, answers: Sequence[Row] | None) -> Echo | None:
 
 def _milliseconds(text: str | None) -> float | None:
     """Read `4ms`, `4ms530us`, `1s20ms`."""
-    found = _TIME.fullmatch(text or "")
-    if not text or found is None:
+    match = _TIME.fullmatch(text or "")
+    if not text or match is None:
         return None
-    whole, thousandths, millionths = (int(part or 0) for part in found.groups())
+    whole, thousandths, millionths = (int(part or 0) for part in match.groups())
     return whole * 1000 + thousandths + millionths / 1000
 
 
 def _by_port(answers: Sequence[Row]) -> dict[str, tuple[SeenNeighbour, ...]]:
     """Who is there: an entry without a MAC address is only a question that nobody has answered."""
-    found: dict[str, tuple[SeenNeighbour, ...]] = {}
+    result: dict[str, tuple[SeenNeighbour, ...]] = {}
     for row in answers:
         dead = any(row.get(flag) in _TRUE for flag in ("disabled", "invalid")) or row.get("complete") in {"false", "no"}
         if dead or not row.get("mac-address") or not _is_address(row.get("address", "")):
             continue
         port = row.get("interface", "")
-        found[port] = (*found.get(port, ()), SeenNeighbour(row["address"], row["mac-address"]))
-    return found
+        result[port] = (*result.get(port, ()), SeenNeighbour(row["address"], row["mac-address"]))
+    return result
 
 
 def _is_address(text: str) -> bool:
@@ -239,11 +239,11 @@ def _is_address(text: str) -> bool:
 
 
 def _by_chain(rules: Sequence[Row]) -> dict[str, tuple[int, int]]:
-    found: dict[str, tuple[int, int]] = {}
+    result: dict[str, tuple[int, int]] = {}
     for row in rules:
         packets, nbytes = _whole(row.get("packets")), _whole(row.get("bytes"))
         if row.get("disabled") in _TRUE or packets is None or nbytes is None:
             continue
-        before = found.get(row.get("chain", ""), (0, 0))
-        found[row.get("chain", "")] = before[0] + packets, before[1] + nbytes
-    return found
+        before = result.get(row.get("chain", ""), (0, 0))
+        result[row.get("chain", "")] = before[0] + packets, before[1] + nbytes
+    return result

@@ -75,19 +75,19 @@ def links_of_site(declaration: Declaration, site: str, name: str | None) -> tupl
     if site not in declaration.sites:
         raise NothingToQualify("measure one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}")
     bearers = declaration.sites[site].bearers
-    found = tuple(bearer for bearer in bearers if name in {bearer.name, "all"}) if name is not None else bearers
-    if not found or (name is None and len(found) > 1):
+    result = tuple(bearer for bearer in bearers if name in {bearer.name, "all"}) if name is not None else bearers
+    if not result or (name is None and len(result) > 1):
         why = f"`{site}` has several links" if name is None else f"`{site}` has no link `{name}`"
         raise NothingToQualify(why, hint=f"type one of: {', '.join(f'link={each.name}' for each in bearers)}, link=all")
-    return found
+    return result
 
 
 def router_of(declaration: Declaration, site: str) -> Host:
     """The router that leads the packets. Raises NothingToQualify."""
-    found = declaration.router_of(site)
-    if found is None:
+    result = declaration.router_of(site)
+    if result is None:
         raise NothingToQualify(f"`{site}` has no router that could lead test packets over one link")
-    return found
+    return result
 
 
 @dataclass(slots=True)

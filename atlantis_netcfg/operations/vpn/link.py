@@ -171,10 +171,10 @@ class _RemoteLink:
                 f"{self.name}: the toolkit's program there failed at `{do}`: {answer['broken']}",
                 hint="this is our fault: please report it; nothing says how far it came",
             )
-        done = answer.get("done")
-        if not isinstance(done, dict):
+        result = answer.get("done")
+        if not isinstance(result, dict):
             raise self._lost(do)
-        return done
+        return result
 
     def close(self) -> None:
         """Let the process come to its end."""

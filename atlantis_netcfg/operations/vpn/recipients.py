@@ -21,18 +21,18 @@ _PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
 
 def recipients_of(requested: Iterable[DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
     """Recipients by the name of their member, where one was asked for. Raises Refused with all that are none."""
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     errors: list[UsageError] = []
     for item, name in zip(requested, names, strict=True):
         if item.recipient is None:
             continue
         try:
-            found[name] = recipient_of(item.recipient)
+            result[name] = recipient_of(item.recipient)
         except UsageError as error:
             errors.append(UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error)
     if errors:
         raise RequestRefused(errors)
-    return found
+    return result
 
 
 def recipient_of(typed: str) -> str:

@@ -40,13 +40,13 @@ def of_partner(membership: MembershipList, partner: str | None) -> tuple[Member,
         raise NothingMatched("the VPN has no members yet", hint="`provision vpn onboard --help` says how to add one")
     if partner is None:
         return tuple(membership.members.values())
-    found = tuple(member for member in membership.members.values() if member.partner == partner)
-    if not found:
+    result = tuple(member for member in membership.members.values() if member.partner == partner)
+    if not result:
         known = sorted({member.partner for member in membership.members.values() if member.partner is not None})
         near = nearest(partner, known)
         hint = f"did you mean `partner={near}`?" if near else f"there are devices of: {', '.join(known) or 'nobody'}"
         raise UsageError(f"no VPN member belongs to partner `{ascii(partner)[1:-1][:60]}`", hint=hint)
-    return found
+    return result
 
 
 def status_of(member: Member, now: datetime) -> str:
@@ -109,12 +109,12 @@ def when(moment: datetime | None) -> str:
 
 def period(text: str, word: str) -> timedelta:
     """A span such as 30d or 8w. Raises UsageError."""
-    found = re.fullmatch(r"([0-9]{1,4})([dw])", text)
-    if found is None:
+    match = re.fullmatch(r"([0-9]{1,4})([dw])", text)
+    if match is None:
         raise UsageError(
             f"`{word}={ascii(text)[1:-1][:60]}` is no span of time", hint=f"days or weeks, as in `{word}=30d`"
         )
-    return timedelta(days=int(found[1]) * _PERIODS[found[2]])
+    return timedelta(days=int(match[1]) * _PERIODS[match[2]])
 
 
 @dataclass(frozen=True, slots=True)

@@ -235,10 +235,10 @@ class RouterImport:
         async with self._file(session, PEM, text):
             name = f"{self.tunnel.certificate}-new"
             await _do(session, f"{_CERTIFICATES}/import", **{"file-name": PEM, "passphrase": "", "name": name})
-        found = (await self._look(session)).certificate
-        if found is None:
+        result = (await self._look(session)).certificate
+        if result is None:
             raise DeviceFailed(f"{self.name} does not show the certificate that it has imported")
-        return found
+        return result
 
     async def _import_interface(self, session: Session) -> str:
         self._say(Stage.APPLYING, f"interface {self.tunnel.name}")

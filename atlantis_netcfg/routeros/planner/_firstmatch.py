@@ -116,20 +116,20 @@ def _sorted(rules: Sequence[Rule], *, after_jump: bool) -> list[int]:
         followers[first].append(then)
         waiting[then] += 1
     ready = [index for index, count in enumerate(waiting) if not count]
-    done: list[int] = []
+    result: list[int] = []
     queued = set(ready)
-    while len(done) < len(rules):
+    while len(result) < len(rules):
         if not ready:
             ready.append(next(index for index in range(len(rules)) if index not in queued))
             queued.add(ready[0])
         index = heappop(ready)
-        done.append(index)
+        result.append(index)
         for follower in followers[index]:
             waiting[follower] -= 1
             if not waiting[follower] and follower not in queued:
                 queued.add(follower)
                 heappush(ready, follower)
-    return done
+    return result
 
 
 def _edges(rules: Sequence[Rule], *, after_jump: bool) -> Iterator[tuple[int, int]]:

@@ -83,18 +83,18 @@ def unpack(packed: bytes) -> dict[str, str]:
 
 
 def _texts(archive: tarfile.TarFile) -> dict[str, str]:
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     folders: set[str] = set()
     for entry in archive:
         folder, _, name = entry.name.partition("/")
         taken = archive.extractfile(entry) if entry.type == tarfile.REGTYPE and _NAME.fullmatch(entry.name) else None
-        if taken is None or name in found or len(found) == _FILES:
+        if taken is None or name in result or len(result) == _FILES:
             raise NotAHandOut(f"it contains {entry.name!a}")
         folders.add(folder)
-        found[name] = taken.read().decode()
+        result[name] = taken.read().decode()
     if len(folders) != 1:
         raise NotAHandOut("it is empty" if not folders else "it contains more than one folder")
-    return found
+    return result
 
 
 _GROUPS, _DIGITS = 5, 5

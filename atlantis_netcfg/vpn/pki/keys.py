@@ -195,9 +195,9 @@ def _pem(label: str, data: bytes) -> Secret:
 
 
 def _server_bytes(key: Secret) -> bytes:
-    found = re.fullmatch(rf"\s*-----BEGIN {_SERVER}-----([A-Za-z0-9+/=\s]+)-----END {_SERVER}-----\s*", key.reveal())
+    match = re.fullmatch(rf"\s*-----BEGIN {_SERVER}-----([A-Za-z0-9+/=\s]+)-----END {_SERVER}-----\s*", key.reveal())
     try:
-        data = base64.b64decode("".join(found[1].split()), validate=True) if found else b""
+        data = base64.b64decode("".join(match[1].split()), validate=True) if match else b""
     except ValueError:
         data = b""
     if len(data) != 128:  # noqa: PLR2004 - two keys of 64 bytes each

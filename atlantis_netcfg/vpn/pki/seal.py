@@ -70,8 +70,8 @@ def seal_for(data: bytes, recipient: str, *others: str) -> bytes:
 
 def opening_bytes(sealed: bytes) -> int:
     """Memory that scrypt takes to open what age has sealed by a passphrase."""
-    found = _SCRYPT.search(_binary(sealed))
-    return _scrypt_bytes(int(found[1])) if found is not None else 0
+    match = _SCRYPT.search(_binary(sealed))
+    return _scrypt_bytes(int(match[1])) if match is not None else 0
 
 
 def _scrypt_bytes(cost: int) -> int:
@@ -152,10 +152,10 @@ def _check_memory(needed: int) -> None:
 def _free_bytes() -> int | None:
     """What programs may still take, as the kernel estimates it; None: it does not tell."""
     try:
-        found = re.search(r"^MemAvailable: +([0-9]+) kB$", _MEMORY.read_text(encoding="ascii"), re.MULTILINE)
+        match = re.search(r"^MemAvailable: +([0-9]+) kB$", _MEMORY.read_text(encoding="ascii"), re.MULTILINE)
     except (OSError, ValueError):
         return None
-    return int(found[1]) << 10 if found is not None else None
+    return int(match[1]) << 10 if match is not None else None
 
 
 def _power(number: float) -> str:
@@ -164,9 +164,9 @@ def _power(number: float) -> str:
 
 def _binary(sealed: bytes) -> bytes:
     """A file of age without its armour."""
-    found = _ARMOR.fullmatch(sealed)
+    match = _ARMOR.fullmatch(sealed)
     try:
-        data = base64.b64decode(b"".join(found[1].split()), validate=True) if found else sealed
+        data = base64.b64decode(b"".join(match[1].split()), validate=True) if match else sealed
     except ValueError:
         data = b""
     if not data.startswith(b"age-encryption.org/v1\n"):

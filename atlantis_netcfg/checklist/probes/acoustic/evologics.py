@@ -133,18 +133,18 @@ def _last(received: Sequence[Piece], command: str) -> str | None:
 
 def number(text: str | None) -> float | None:
     """The number that an answer begins with, also where a change of it is pending; None: unknown."""
-    found = re.match(r"(?:\[\*\])?(-?\d{1,15}(?:\.\d{1,15})?)(?:$|[\s,])", text or "")
-    return float(found[1]) if found else None
+    match = re.match(r"(?:\[\*\])?(-?\d{1,15}(?:\.\d{1,15})?)(?:$|[\s,])", text or "")
+    return float(match[1]) if match else None
 
 
 def state(received: Sequence[Piece]) -> str | None:
     """The state's words; None: not told. Words that nobody knows are given back as they are."""
     text = answer(received, "AT?S")
     if text is not None:
-        found = _STATES.search(text)
-        return found[1] if found else text[:60]
+        match = _STATES.search(text)
+        return match[1] if match else text[:60]
     bare = (_STATES.match(p.text.removeprefix("+++")) for p in reversed(received) if p.command is None)
-    return next((found[1] for found in bare if found), None)
+    return next((match[1] for match in bare if match), None)
 
 
 def settings(received: Sequence[Piece]) -> EvologicsSettings | None:

@@ -91,8 +91,8 @@ def command(payload: bytes) -> bytes:
 
 def payload_of(data: bytes) -> bytes | None:
     """Number and record of exactly one command; None: it is none, or its sum is wrong."""
-    found = _COMMAND.fullmatch(data)
-    return _checked(found[1]) if found else None
+    match = _COMMAND.fullmatch(data)
+    return _checked(match[1]) if match else None
 
 
 def _checked(digits: bytes) -> bytes | None:

@@ -198,21 +198,21 @@ def _answers(
     most: int,
 ) -> list[dict[str, Any]]:
     """Send the requests, and keep each different answer, until the time is over or there are so many."""
-    found: list[dict[str, Any]] = []
+    result: list[dict[str, Any]] = []
     for _ in range(_ROUNDS):  # a frame may be lost
         for request in requests:
             wire.send(request)
         ends = time.monotonic() + within_s / _ROUNDS
-        while len(found) < most and (left := ends - time.monotonic()) > 0:
+        while len(result) < most and (left := ends - time.monotonic()) > 0:
             wire.settimeout(left)
             try:
                 frame, where = wire.recvfrom(65535)
             except socket.timeout:
                 break
             answer = None if where[2] == _OUTGOING else read(frame)
-            if answer is not None and answer not in found:
-                found.append(answer)
-    return found
+            if answer is not None and answer not in result:
+                result.append(answer)
+    return result
 
 
 def _offer(frame: bytes, cards: list[bytes], number: bytes) -> dict[str, str | None] | None:
@@ -234,16 +234,16 @@ def _offer(frame: bytes, cards: list[bytes], number: bytes) -> dict[str, str | N
 
 
 def _options(data: bytes) -> dict[int, bytes]:
-    found: dict[int, bytes] = {}
+    result: dict[int, bytes] = {}
     while data and data[0] != 255:  # noqa: PLR2004 - the last option
         if data[0] == 0:
             data = data[1:]
         elif len(data) > 1:
-            found[data[0]] = found.get(data[0], b"") + data[2 : 2 + data[1]]
+            result[data[0]] = result.get(data[0], b"") + data[2 : 2 + data[1]]
             data = data[2 + data[1] :]
         else:
             break
-    return found
+    return result
 
 
 def _address(four: bytes) -> str | None:

@@ -142,8 +142,8 @@ def _age(text: str) -> float:
 def _zone_s(clock: Rows | None) -> float:
     """How far the device's clock is ahead of UTC: `gmt-offset` is `+01:00`."""
     text = clock.rows[0].get("gmt-offset", "") if clock is not None and clock.rows else ""
-    found = re.fullmatch(r"([+-])(\d\d):(\d\d)", text)
-    return 0.0 if found is None else (-1 if found[1] == "-" else 1) * (int(found[2]) * 3600.0 + int(found[3]) * 60.0)
+    match = re.fullmatch(r"([+-])(\d\d):(\d\d)", text)
+    return 0.0 if match is None else (-1 if match[1] == "-" else 1) * (int(match[2]) * 3600.0 + int(match[3]) * 60.0)
 
 
 @dataclass(frozen=True, slots=True)

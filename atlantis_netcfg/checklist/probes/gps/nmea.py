@@ -32,10 +32,10 @@ _KNOT_M_S = 1852 / 3600
 
 def checksum(body: bytes) -> int:
     """All bytes between `$` and `*`, exclusive or."""
-    found = 0
+    result = 0
     for byte in body:
-        found ^= byte
-    return found
+        result ^= byte
+    return result
 
 
 def sentence(line: bytes) -> list[str] | None:
@@ -226,15 +226,15 @@ def _number(text: str) -> float | None:
 
 
 def _of_day(text: str) -> float | None:
-    found = re.fullmatch(r"(\d\d)(\d\d)(\d\d(?:\.\d{1,9})?)", text)
-    return int(found[1]) * 3600 + int(found[2]) * 60 + float(found[3]) if found else None
+    match = re.fullmatch(r"(\d\d)(\d\d)(\d\d(?:\.\d{1,9})?)", text)
+    return int(match[1]) * 3600 + int(match[2]) * 60 + float(match[3]) if match else None
 
 
 def _dated(text: str, of_day: float | None) -> float | None:
-    found = re.fullmatch(r"(\d\d)(\d\d)(\d\d)", text)
-    if found is None or of_day is None:
+    match = re.fullmatch(r"(\d\d)(\d\d)(\d\d)", text)
+    if match is None or of_day is None:
         return None
-    day, month, year = (int(part) for part in found.groups())
+    day, month, year = (int(part) for part in match.groups())
     try:
         midnight = datetime(year + (2000 if year < _CENTURY else 1900), month, day, tzinfo=UTC)
     except ValueError:
@@ -249,8 +249,8 @@ def _placed(report: Report, fields: Sequence[str]) -> Report:
 
 
 def _degrees(text: str, hemisphere: str, digits: int, plus: str, minus: str) -> float | None:
-    found = re.fullmatch(rf"(\d{{{digits}}})(\d\d(?:\.\d{{1,12}})?)", text, re.ASCII)
-    if found is None or hemisphere not in {plus, minus}:
+    match = re.fullmatch(rf"(\d{{{digits}}})(\d\d(?:\.\d{{1,12}})?)", text, re.ASCII)
+    if match is None or hemisphere not in {plus, minus}:
         return None
-    value = int(found[1]) + float(found[2]) / 60
+    value = int(match[1]) + float(match[2]) / 60
     return value if hemisphere == plus else -value

@@ -301,13 +301,13 @@ NEEDED = 3
 
 def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
     """Channel to the lowest and highest value, of those that moved."""
-    found = {}
+    result = {}
     for number in range(max((channel.count for channel in channels), default=0)):
         values = [item.values[number] for item in channels if number < item.count]
         known = [value for value in values if value is not None]
         if known and max(known) - min(known) >= MOVED_US:
-            found[number + 1] = (min(known), max(known))
-    return found
+            result[number + 1] = (min(known), max(known))
+    return result
 
 
 def judge_moved(received: Stream, expected: RcExpectation) -> BearerFinding:

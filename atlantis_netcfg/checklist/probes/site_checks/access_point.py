@@ -111,10 +111,10 @@ class _OpenNetwork:
     def _known(self) -> Mapping[str, str]:
         """MAC address to the vehicle that is a station."""
         reserved = {row.name: row.mac for row in self.site.declared.lan.reservations}
-        found = {}
+        result = {}
         for key, vehicle in self.site.declaration.vehicles.items():
             wifi = vehicle.endpoints.wifi
             mac = reserved.get(key) if wifi is None or wifi.mac is None else wifi.mac
             if mac is not None and wifi is not None and wifi.role is WifiRole.STATION:
-                found[mac.upper()] = vehicle.name
-        return found
+                result[mac.upper()] = vehicle.name
+        return result

@@ -208,12 +208,12 @@ def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | Bearer
     if isinstance(text, BearerFinding):
         return text
     try:
-        found = json.loads(text or "[]")
+        result = json.loads(text or "[]")
     except (ValueError, RecursionError):
         return unreadable(who, what)
-    if not isinstance(found, list) or not all(isinstance(item, dict) for item in found):
+    if not isinstance(result, list) or not all(isinstance(item, dict) for item in result):
         return unreadable(who, what)
-    return found
+    return result
 
 
 def addresses(answer: Answer, who: str) -> tuple[InterfaceAddress, ...] | BearerFinding:

@@ -55,12 +55,12 @@ def _ports(site: OwnSite) -> tuple[str, ...]:
 
 def _fed(site: OwnSite) -> dict[str, str]:
     """Port to the box that says it is fed by it."""
-    found = {}
+    result = {}
     for host in site.declaration.site_hosts(site.name):
         source = host.device.powered_by
         if source is not None and site.router is not None and source.device == site.router.name:
-            found[source.port] = host.name
-    return found
+            result[source.port] = host.name
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +160,8 @@ def _judged(
 
 def _value(row: Mapping[str, str], name: str) -> float | None:
     """`2.8W`, `120mA`; None: not told."""
-    found = _NUMBER.match(row.get(name, ""))
-    return None if found is None else float(found[0])
+    match = _NUMBER.match(row.get(name, ""))
+    return None if match is None else float(match[0])
 
 
 def _draw(row: Mapping[str, str]) -> str:

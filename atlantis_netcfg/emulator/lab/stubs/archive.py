@@ -74,7 +74,7 @@ class StubPackage:
 
 def build(package: StubPackage, folder: Path) -> Path:
     """Make the .deb in `folder`. Raises StandInFailed."""
-    made = folder / package.file
+    result = folder / package.file
     with temporary.folder("stand-in") as root:
         root.chmod(0o755)
         sums = [_put(root, path, text.encode()) for path, text in package.files.items()]
@@ -89,11 +89,11 @@ def build(package: StubPackage, folder: Path) -> Path:
             script = meta / "postinst"
             script.write_text(f"#!/bin/sh\nset -e\n{package.postinst}\n", encoding="utf-8")
             script.chmod(0o755)
-        words = ["dpkg-deb", "--root-owner-group", "-Zgzip", "--build", str(root), str(made)]
+        words = ["dpkg-deb", "--root-owner-group", "-Zgzip", "--build", str(root), str(result)]
         done = subprocess.run(words, capture_output=True, text=True, check=False)  # noqa: S603 - of the system
     if done.returncode:
         raise StandInFailed(f"the stand-in package {package.name} could not be made: {done.stderr.strip()}")
-    return made
+    return result
 
 
 def _put(root: Path, path: str, content: bytes) -> str:

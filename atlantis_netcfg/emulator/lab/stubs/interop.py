@@ -174,7 +174,7 @@ class InteropProjects:
         who = {"GIT_AUTHOR_NAME": "stand-in", "GIT_AUTHOR_EMAIL": "stand-in@example.org"}
         who |= {key.replace("AUTHOR", "COMMITTER"): value for key, value in who.items()}
         where = {"GIT_DIR": str(self.folder / f"{name}.git"), **({"GIT_INDEX_FILE": str(index)} if index else {})}
-        done = subprocess.run(  # noqa: S603 - git, with words of ours
+        process = subprocess.run(  # noqa: S603 - git, with words of ours
             ("git", *words),  # noqa: S607
             input=text,
             env={**os.environ, **who, **where},
@@ -182,7 +182,7 @@ class InteropProjects:
             text=True,
             check=True,
         )
-        return done.stdout.strip()
+        return process.stdout.strip()
 
 
 def make_interop(folder: Path, tag: str) -> InteropProjects:
@@ -276,10 +276,10 @@ class _GitHandler(BaseHTTPRequestHandler):
             asks = (("WWW-Authenticate", 'Basic realm="stand-in"'),)
             self._send(HTTPStatus.UNAUTHORIZED, asks, b"HTTP Basic: Access denied\n")
             return
-        done = subprocess.run(  # noqa: S603 - git, for requests of machines of ours
+        process = subprocess.run(  # noqa: S603 - git, for requests of machines of ours
             _BACKEND, input=body, env=self._variables(len(body)), capture_output=True, check=False
         )
-        head, _, answer = done.stdout.partition(b"\r\n\r\n")
+        head, _, answer = process.stdout.partition(b"\r\n\r\n")
         headers = tuple(
             (name, value) for name, _, value in (line.partition(": ") for line in head.decode().split("\r\n"))
         )

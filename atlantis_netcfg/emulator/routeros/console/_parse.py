@@ -203,11 +203,11 @@ class TextPart:
 
     def match(self, pattern: re.Pattern[str]) -> str | None:
         """Step over what fits the pattern."""
-        found = pattern.match(self.source, self.at)
-        if found is None:
+        match = pattern.match(self.source, self.at)
+        if match is None:
             return None
-        self.at = found.end()
-        return found[0]
+        self.at = match.end()
+        return match[0]
 
     def space(self) -> None:
         """Step over white space and joined line ends, not over line ends."""
@@ -471,17 +471,17 @@ class Parser:
         if self.text.peek() == "$":
             return self.text.variable()
         if self.text.peek() == "[" and _LEN.match(self.text.source, self.text.at) is None:
-            found = self._bracket()
-            if isinstance(found, MenuCommand):
-                return found
+            result = self._bracket()
+            if isinstance(result, MenuCommand):
+                return result
             raise self.text.error("syntax error")
         if self.text.match(_LEN) is None:
             raise self.text.error("syntax error")
-        found = self._bracket()
+        result = self._bracket()
         self._expect("]")
-        if not isinstance(found, Find):
+        if not isinstance(result, Find):
             raise self.text.error("syntax error")
-        return found
+        return result
 
     def _expect(self, sign: str) -> None:
         self.text.space()

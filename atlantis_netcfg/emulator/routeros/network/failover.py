@@ -100,16 +100,16 @@ def _span(core: Core, table: Table, item: StoredItem, name: str) -> float:
 def _checked(core: Core) -> set[IPv4Address]:
     """Return the next hops that enabled routes have watched; those that are interfaces cannot be."""
     table = core.store.table(_ROUTES)
-    found = set()
+    result = set()
     for item in table.items:
         checks = core.store.text(table, item, "check-gateway") in ("ping", "arp")
         if checks and core.store.text(table, item, "disabled") != "yes":
             hop = (core.store.text(table, item, "gateway") or "").partition("@")[0].partition("%")[0]
             try:
-                found.add(IPv4Address(hop))
+                result.add(IPv4Address(hop))
             except AddressValueError:
                 continue
-    return found
+    return result
 
 
 def _check(core: Core, what: str) -> float:

@@ -179,10 +179,10 @@ def _ranges(text: str) -> tuple[tuple[int, int], ...] | None:
 
 def inherited(store: RowStore, table: Table, item: StoredItem) -> dict[str, str | None]:
     """Return every property that a row amounts to, by its full name, in the spelling of exports."""
-    found: dict[str, str | None] = {}
+    result: dict[str, str | None] = {}
     for name, value in _layers(store, table, item):
-        found.setdefault(name, value)
-    return found
+        result.setdefault(name, value)
+    return result
 
 
 def _layers(store: RowStore, table: Table, item: StoredItem) -> Iterator[tuple[str, str | None]]:

@@ -227,10 +227,10 @@ class EditedLine:
 
 def folded(text: str, width: int) -> list[str]:
     """The lines of `text`, none longer than the screen; clients that parse ask for a wide one."""
-    found: list[str] = []
+    result: list[str] = []
     for line in text.split("\n"):
-        found += [line[at : at + width] for at in range(0, len(line), width)] or [""]
-    return found
+        result += [line[at : at + width] for at in range(0, len(line), width)] or [""]
+    return result
 
 
 class Pages:

@@ -165,12 +165,12 @@ def of_update(text: str, code: int, urls: Sequence[str], architecture: str) -> M
     """What hindered an update of the lists of packages from `urls`; None: nothing did, for them and `architecture`."""
     missing = f"doesn't support architecture '{architecture}'"
     lines = [line for line in problems(text) if "doesn't support architecture" not in line or missing in line]
-    found = _first(_COMPUTER, lines)
-    if found is not None:
-        return found
-    found = _first(_SOURCES, [line for line in lines if any(url.rstrip("/") in line for url in urls)])
-    if found is not None or (code == 0 and urls):
-        return found
+    result = _first(_COMPUTER, lines)
+    if result is not None:
+        return result
+    result = _first(_SOURCES, [line for line in lines if any(url.rstrip("/") in line for url in urls)])
+    if result is not None or (code == 0 and urls):
+        return result
     return (_first(_SOURCES, lines) or _raw("the lists of packages could not be updated", text)) if code else None
 
 
@@ -199,13 +199,13 @@ def others(text: str, urls: Sequence[str]) -> list[str]:
 
 def problems(text: str) -> list[str]:
     """The errors, warnings and notes of apt, each in one line with what follows it indented."""
-    found: list[str] = []
+    result: list[str] = []
     for line in text.splitlines():
         if _SAYS.match(line):
-            found.append(line)
-        elif line.startswith("  ") and found:
-            found[-1] += " " + line.strip()
-    return found
+            result.append(line)
+        elif line.startswith("  ") and result:
+            result[-1] += " " + line.strip()
+    return result
 
 
 def _first(rows: Iterable[_MessageRow], lines: Sequence[str], **more: str) -> ModuleError | None:

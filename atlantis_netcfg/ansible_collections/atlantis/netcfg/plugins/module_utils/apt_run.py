@@ -124,7 +124,7 @@ class Apt:
         command = list(argv) if self.tree.root == "/" else ["chroot", self.tree.root, *argv]
         handle = os.memfd_create("said")
         try:
-            done = subprocess.run(  # noqa: S603 - apt and dpkg, with names that were checked
+            process = subprocess.run(  # noqa: S603 - apt and dpkg, with names that were checked
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=handle,
@@ -133,7 +133,7 @@ class Apt:
                 cwd="/",
                 check=False,
             )
-            code = done.returncode
+            code = process.returncode
         except FileNotFoundError:
             raise ModuleError(f"`{argv[0]}` is not on this computer", "it has to be a Debian or an Ubuntu") from None
         finally:
@@ -221,14 +221,14 @@ def installed(apt: Apt) -> dict[str, InstalledPackage]:
             f"dpkg cannot read its database: {output.output.strip()}",
             "`cp /var/lib/dpkg/status-old /var/lib/dpkg/status` brings the state before the last change back",
         )
-    found: dict[str, InstalledPackage] = {}
+    result: dict[str, InstalledPackage] = {}
     for line in output.output.splitlines():
         if line.count("\t") != _FIELDS.count("\\t"):
             continue  # a warning about an entry, between the entries
         name, architecture, desired, flag, state, version = line.split("\t")
-        if architecture in (local, "all") or name not in found:
-            found[name] = InstalledPackage(name, version, desired, flag == "reinstreq", state)
-    return found
+        if architecture in (local, "all") or name not in result:
+            result[name] = InstalledPackage(name, version, desired, flag == "reinstreq", state)
+    return result
 
 
 def half_done(apt: Apt, packages: dict[str, InstalledPackage]) -> list[InstalledPackage]:

@@ -252,7 +252,7 @@ class Git:
         return self._git(*words)
 
     def _git(self, *words: str) -> str:
-        done = subprocess.run(  # noqa: S603
+        process = subprocess.run(  # noqa: S603
             ["git", *words],  # noqa: S607
             cwd=self.folder,
             env=self._environment(),
@@ -261,8 +261,8 @@ class Git:
             stderr=subprocess.STDOUT,
             check=False,
         )
-        text = done.stdout.decode(errors="replace")
-        if done.returncode != 0:
+        text = process.stdout.decode(errors="replace")
+        if process.returncode != 0:
             self.say(text.rstrip())
             raise _Failed(text)
         return text

@@ -100,7 +100,7 @@ class Make:
         self.say(f"building {what} with {self.jobs} jobs: {command}")
         started = os.path.getsize(self.log)
         with open(self.log, "ab") as log:
-            done = subprocess.run(  # noqa: S603
+            process = subprocess.run(  # noqa: S603
                 ["/bin/sh", "-c", f"{self._sources(sourced=sourced)}{command}"],
                 cwd=os.path.join(self.folder, where),
                 env=self._environment(),
@@ -109,14 +109,14 @@ class Make:
                 stderr=subprocess.STDOUT,
                 check=False,
             )
-        if done.returncode != 0:
+        if process.returncode != 0:
             with open(self.log, "rb") as log:
                 log.seek(max(started, os.path.getsize(self.log) - _TAIL))
                 text = log.read().decode(errors="replace")
             raise about_building(what, text)
 
     def _shell(self, command: str, where: str, arguments: list[str], *, sourced: bool) -> str:
-        done = subprocess.run(  # noqa: S603
+        process = subprocess.run(  # noqa: S603
             ["/bin/sh", "-c", f"{self._sources(sourced=sourced)}{command}", "sh", *arguments],
             cwd=os.path.join(self.folder, where),
             env=self._environment(),
@@ -125,8 +125,8 @@ class Make:
             stderr=subprocess.STDOUT,
             check=False,
         )
-        text = done.stdout.decode(errors="replace")
-        if done.returncode != 0:
+        text = process.stdout.decode(errors="replace")
+        if process.returncode != 0:
             raise about_building("the library", text)
         return text
 

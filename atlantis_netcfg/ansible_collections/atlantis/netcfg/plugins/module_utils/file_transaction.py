@@ -167,14 +167,14 @@ class FileTransaction:
         self.rewritten = [each for each in self.rewritten if each.path != file.path]
 
     def _find(self, path: str, kinds: tuple[str, ...]) -> FoundFile | None:
-        found = self.tree.find(path)
-        if found is None or found.kind in kinds:
-            return found
-        if "directory" in kinds and found.kind == "link" and Path(self.tree.at(path)).is_dir():
+        result = self.tree.find(path)
+        if result is None or result.kind in kinds:
+            return result
+        if "directory" in kinds and result.kind == "link" and Path(self.tree.at(path)).is_dir():
             raise ModuleError(
                 f"{path} is a link to a directory, and has to be one itself", f"look at it: `ls -l {path}`"
             )
-        what = {"directory": "a directory", "file": "a file", "link": "a link"}.get(found.kind, "a device or a socket")
+        what = {"directory": "a directory", "file": "a file", "link": "a link"}.get(result.kind, "a device or a socket")
         raise ModuleError(
             f"{path} is {what}, and has to be {_as(kinds)}. Nothing was changed",
             f"look at it, and move it away: `ls -ld {path}`",

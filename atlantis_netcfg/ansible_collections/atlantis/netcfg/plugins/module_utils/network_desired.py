@@ -215,9 +215,9 @@ class DesiredNetwork:
         """From a module's parameters. Raises `ModuleError` for an address that its tool would choke on."""
         values = {name: parameters[name] for name in cls.__dataclass_fields__}
         values.update(mode=int(parameters["mode"], 8), replaces=tuple(parameters["replaces"]))
-        made = cls(**values)
-        made._check_addresses()
-        return made
+        result = cls(**values)
+        result._check_addresses()
+        return result
 
     def _check_addresses(self) -> None:
         """The tools accept nonsense and fail later: netplan wants a prefix length, ifupdown takes /8 without one."""
@@ -245,12 +245,12 @@ class DesiredNetwork:
 
     def files(self, computer: NetworkComputer) -> dict[str, str | None]:
         """Path -> text of every file that the configuration consists of; None: it shall not be there."""
-        found: dict[str, str | None] = {path: None for path in self.replaces if path != self.path}
-        found[self.path] = self.content
+        result: dict[str, str | None] = {path: None for path in self.replaces if path != self.path}
+        result[self.path] = self.content
         written = any(os.path.exists(computer.at(path)) for path in _RESOLVERS)
         if self.resolver is not None and not written:
-            found[_RESOLV] = self.resolver
-        return found
+            result[_RESOLV] = self.resolver
+        return result
 
     def lacks(self, computer: NetworkComputer) -> list[str]:
         """What of it is not in effect; empty if the interface is as it shall be."""

@@ -28,12 +28,12 @@ class ProgramEnd(NamedTuple):
 def run_program(words: Sequence[str]) -> ProgramEnd:
     """Run a program to its end; one that is not there ends with 127, as in a shell."""
     try:
-        done = subprocess.run(  # noqa: S603 - programs of the system, by names that stand here
+        process = subprocess.run(  # noqa: S603 - programs of the system, by names that stand here
             list(words), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
         )
     except OSError as error:
         return ProgramEnd(127, f"{words[0]}: {error.strerror}")
-    return ProgramEnd(done.returncode, done.stdout.decode(errors="replace").strip())
+    return ProgramEnd(process.returncode, process.stdout.decode(errors="replace").strip())
 
 
 class NetworkComputer:

@@ -26,7 +26,7 @@ def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> Done:
     """Run a program without a terminal, in English; 127: it is not there, 124: it took longer than `timeout_s`."""
     environment = dict(os.environ, LC_ALL="C.UTF-8", LANGUAGE="", PATH=_PATH, DEBIAN_FRONTEND="noninteractive")
     try:
-        done = subprocess.run(  # noqa: S603 - what the declaration has made
+        process = subprocess.run(  # noqa: S603 - what the declaration has made
             argv,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -41,7 +41,7 @@ def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> Done:
         return Done(124, (late.stdout or b"").decode(errors="replace") + f"\nno end after {timeout_s:.0f} s")
     except OSError as error:
         return Done(126, f"{argv[0]}: {error.strerror}")
-    return Done(done.returncode, done.stdout.decode(errors="replace"))
+    return Done(process.returncode, process.stdout.decode(errors="replace"))
 
 
 def is_there(program: str) -> bool:

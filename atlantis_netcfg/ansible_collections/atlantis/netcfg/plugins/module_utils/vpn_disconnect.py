@@ -169,9 +169,9 @@ class Unheard:
 
 def peer(real: str) -> tuple[str, int] | None:
     """Address and port of a client, as the status tells them; None: it is not IPv4."""
-    found = _PEER.fullmatch(real)
+    match = _PEER.fullmatch(real)
     try:
-        return (str(IPv4Address(found[1])), int(found[2])) if found else None
+        return (str(IPv4Address(match[1])), int(match[2])) if match else None
     except ValueError:
         return None
 

@@ -107,8 +107,8 @@ def _firewall(server: ManagedServer) -> dict[str, Any]:
 
 
 def _version(server: ManagedServer) -> str | None:
-    found = _VERSION.match(server.run(["openvpn", "--version"]).output)
-    return found[1] if found is not None else None
+    match = _VERSION.match(server.run(["openvpn", "--version"]).output)
+    return match[1] if match is not None else None
 
 
 def _package(server: ManagedServer) -> str | None:

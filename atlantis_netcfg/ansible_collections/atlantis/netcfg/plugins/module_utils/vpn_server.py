@@ -195,17 +195,17 @@ def _objects(done: Done) -> list[dict[str, Any]] | None:
 
 def _networks(elements: Iterable[Any]) -> list[str]:
     """Elements of a set of addresses, as networks; a single one may be text, a prefix, a range, or one with options."""
-    found: list[str] = []
+    result: list[str] = []
     for element in elements:
         value = element["elem"]["val"] if isinstance(element, dict) and "elem" in element else element
         if isinstance(value, dict) and "prefix" in value:
-            found.append(str(ip_network(f"{value['prefix']['addr']}/{value['prefix']['len']}")))
+            result.append(str(ip_network(f"{value['prefix']['addr']}/{value['prefix']['len']}")))
         elif isinstance(value, dict) and "range" in value:
             first, last = map(ip_address, value["range"])
-            found += map(str, summarize_address_range(first, last))
+            result += map(str, summarize_address_range(first, last))
         else:
-            found.append(str(ip_network(str(value))))
-    return found
+            result.append(str(ip_network(str(value))))
+    return result
 
 
 def _plain(found: Any) -> Any:  # noqa: ANN401 - JSON

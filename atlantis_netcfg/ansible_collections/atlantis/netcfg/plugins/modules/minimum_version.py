@@ -85,13 +85,13 @@ def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]]
     result = run([floor.program, "--version"])
     if result.code == _NOT_THERE and absent_passes:
         return ""
-    found = re.match(r"\S+ (\d+(?:\.\d+)+)", result.output)
-    if found is None:
+    match = re.match(r"\S+ (\d+(?:\.\d+)+)", result.output)
+    if match is None:
         raise ModuleError(
             f"{floor.program} does not tell its version, so that it is not started",
             f"`{floor.program} --version` on that computer; its package is {floor.package}",
         )
-    upstream = found[1]
+    upstream = match[1]
     package = run(["dpkg-query", "--show", "--showformat=${Version}", floor.package])
     version = package.output.strip() if package.code == 0 and _upstream(package.output) == upstream else ""
     if _passes(floor, upstream, version, run):
