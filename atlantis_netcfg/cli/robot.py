@@ -164,14 +164,17 @@ ROBOT_DISCOVER = CommandSpec(
 
 def run_robot_discover(arguments: Arguments) -> ExitCode:
     """Listen, and say who was heard."""
+    from dataclasses import replace
+
     from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.operations import robots
 
-    declaration, site = _declaration(arguments), arguments.word("site")
+    vault = vault_of(arguments)
+    declaration, site = replace(_declaration(arguments), decrypt=vault.decrypt), arguments.word("site")
     _require_site(declaration, site)
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
     record = _record(arguments, declaration)
-    namespace, vault = arguments.optional("save"), vault_of(arguments)
+    namespace = arguments.optional("save")
     if namespace is not None:
         _ = vault.secrets  # whoever has no password is told before half a minute is over
     try:

@@ -237,7 +237,11 @@ def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerF
     file = source.robot
     if file is None:
         return
-    if not source.token_is_sealed and robot.token != file.token:
+    if source.token_is_sealed:
+        message = "its token, which is vaulted, was not compared"
+        hint = "type the vault's password, or ask an operator whether the control centre has accepted the robot"
+        yield BearerFinding(Verdict.WARN, "token-sealed", message, hint)
+    elif robot.token != file.token:
         message = "its token is not the one of its file"
         yield BearerFinding(Verdict.FAIL, "token", message, "ask its partner: another robot may use its name")
     hidden = {"token": file.token}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.declaration._yaml import Node, SealedSecret, parse
 from atlantis_netcfg.declaration.examples import examples_in
 from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark, choices, meant
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.declaration._yaml import Decrypt
     from atlantis_netcfg.declaration.declaration import Declaration
 
 FOLDER = "robots"
@@ -109,7 +110,7 @@ def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
     findings += [finding for source in sources for finding in source.findings]
     if findings:
         raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
-    return sources, names
+    return [with_token(source, declaration.decrypt) for source in sources], names
 
 
 def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]:
@@ -283,3 +284,15 @@ _RULES = (one_of_two, names_once, conditions)
 _OF_THE_INVENTORY = (token_is_vaulted,)
 _OF_A_PARTNER = (token_is_real,)
 _WARNINGS = (units, costs_are_of_topics)
+
+
+def with_token(source: RobotSource, decrypt: Decrypt | None) -> RobotSource:
+    """The same with its token opened, where the vault's password is known."""
+    robot = source.robot
+    if decrypt is None or robot is None or not isinstance(robot.token, SealedSecret):
+        return source
+    try:
+        token = robot.token.decrypt_with(decrypt)
+    except UsageError:
+        return source
+    return replace(source, robot=robot.model_copy(update={"token": token}))

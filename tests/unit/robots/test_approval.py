@@ -17,6 +17,7 @@ from atlantis_netcfg.declaration import InventoryInvalid, load
 from atlantis_netcfg.declaration.robots import reading
 from atlantis_netcfg.declaration.robots.key_names import KeyNames
 from atlantis_netcfg.operations import robots
+from atlantis_netcfg.operations.vault import Vault
 from atlantis_netcfg.operations.vpn.server import NoPush
 from atlantis_netcfg.robots.mock import RATES_HZ
 from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, RobotReport, RobotState
@@ -45,7 +46,7 @@ def stranger(namespace: str = "lauv", participant: str = "key") -> Observation:
 
 
 def compared(inventory: Path, observation: Observation) -> RobotReport:
-    reports = robots.compare(load(inventory), "coastal", observation)
+    reports = robots.compare(load(inventory, decrypt=Vault().decrypt), "coastal", observation)
     return next(each for each in reports if each.namespace == "lauv")
 
 
@@ -85,6 +86,9 @@ def test_what_is_advised_makes_a_stranger_a_guest_until_its_last_day(
     assert "token: !vault |\n  $ANSIBLE_VAULT;1." in text
     report = compared(inventory, stranger())
     assert (report.state, report.vehicle, report.findings) == (RobotState.DECLARED, "lauv", ())
+    other = stranger()
+    other.configurations[0].text = other.configurations[0].text.replace(TOKEN.encode(), b"somebody-else")
+    assert [each.code for each in compared(inventory, other).findings] == ["token"], "the vault is open"
     assert "lauv" in robots.expected_at(load(inventory), "coastal")
     assert "lauv" not in robots.expected_at(load(inventory), "te4sea")
     monkeypatch.setattr(robots, "datetime", _Later)

@@ -131,7 +131,7 @@ def test_topics_may_come_from_another_process_of_the_robot() -> None:
     assert codes(observation) == []
 
 
-def test_a_token_that_is_sealed_is_not_compared() -> None:
+def test_a_token_that_is_sealed_is_not_compared_and_the_report_warns() -> None:
     observation = heard()
     replace_text(observation, "EXAMPLE-sparus-token", "another")
     sealed = source()
@@ -139,7 +139,7 @@ def test_a_token_that_is_sealed_is_not_compared() -> None:
     token = SealedSecret("$ANSIBLE_VAULT;1.1;AES256\n30")
     sealed = replace(sealed, robot=sealed.robot.model_copy(update={"token": token}))
     (report,) = judge(observation, [sealed], ["sparus"], KeyNames())
-    assert report.findings == ()
+    assert [(each.verdict, each.code) for each in report.findings] == [(Verdict.WARN, "token-sealed")]
 
 
 def test_a_stranger_and_a_robot_that_is_away_are_not_green() -> None:

@@ -3,6 +3,7 @@
 import random
 import shutil
 import tracemalloc
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 import robot_cases
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.findings import MOST_SHOWN
 from atlantis_netcfg.declaration.model.robot import CommandKind, TopicKind
@@ -177,3 +179,18 @@ def test_a_large_file_takes_little_memory(text: str, tmp_path: Path) -> None:
     tracemalloc.stop()
     assert 1 <= len(source.findings) <= MOST_SHOWN + 1
     assert peak < 700 * len(text)
+
+
+def test_a_vaulted_token_is_opened_with_the_password_of_the_inventory(tmp_path: Path) -> None:
+    own = shutil.copytree(robot_cases.SHIPPED, tmp_path / "inventory")
+    file = own / "robots" / "sparus.yml"
+    sealed = "token: !vault |\n  $ANSIBLE_VAULT;1.1;AES256\n  3030"
+    file.write_text(file.read_text().replace("token: EXAMPLE-sparus-token", sealed))
+
+    def token(decrypt: Callable[[str], str] | None) -> object:
+        (sparus,) = (each for each in reading.load_robots(load(own, decrypt=decrypt))[0] if each.vehicle == "sparus")
+        assert sparus.robot is not None
+        return None if sparus.token_is_sealed else sparus.robot.token
+
+    assert token(None) is None
+    assert token(lambda text: text[:14]) == Secret("$ANSIBLE_VAULT")
