@@ -63,8 +63,11 @@ def refuse_faults(faults: Sequence[str], *, rehearsed: bool) -> None:
             raise UsageError(f"`break={fault}`: no such fault", hint=f"did you mean `break={near}`?" if near else known)
 
 
-def refuse_absent(faults: Sequence[str], every: Checklist) -> None:
-    """Raise UsageError for a fault of something that this site does not have; `every`: its list, not narrowed."""
+def refuse_absent(faults: Sequence[str], every: Checklist, scope: Scope) -> None:
+    """Raise UsageError for a fault of something that this site does not have; `every`: its list, not narrowed.
+
+    Of an integration record also for a fault that is not of its robot: it would break nothing of the record.
+    """
     if not faults:
         return
     from atlantis_netcfg.checklist.runner.simulated import FAULTS
@@ -75,6 +78,13 @@ def refuse_absent(faults: Sequence[str], every: Checklist) -> None:
             what = f"`break={fault}`: {every.site} has nothing to break there ({FAULTS[fault].words})"
             raise UsageError(
                 what, hint="faults are told for the coastal testbed of the shipped inventory: try site=coastal"
+            )
+        rows = {turn.partition("/")[0] for turn in FAULTS[fault].turns}
+        if Phase.INTEGRATION in scope.phases and not rows.intersection(scope.vehicles):
+            others = rows - {"SITE"}
+            hint = f"it is for the record of `vehicle={min(others)}`" if others else "it is for the site's checklist"
+            raise UsageError(
+                f"`break={fault}` breaks nothing of {scope.vehicles[0]} ({FAULTS[fault].words})", hint=hint
             )
 
 
@@ -366,7 +376,7 @@ class PreparedCheck:
             refuse_signer(name, self._checklist)
         faults = self.arguments.many("break")
         hosts = taking_part(declaration, self._checklist, rehearse=rehearse, faults=faults)
-        refuse_absent(faults, plan(declaration, self._checklist.site))
+        refuse_absent(faults, plan(declaration, self._checklist.site), self._checklist.scope)
         file = self.arguments.value("answers")
         self.answers = Answers.read(Path(file), self._checklist) if file is not None else None
         return hosts

@@ -169,3 +169,20 @@ def test_it_is_signed_by_itself_and_has_a_page_of_its_own(sparus: Checklist, tmp
     assert "Girona" not in lines(document)
     (kept,) = books(folder)
     assert kept.document == document
+
+
+@pytest.mark.parametrize(
+    ("fault", "message", "hint"),
+    [
+        ("robot-frozen", "`break=robot-frozen` breaks nothing of sparus", "it is for the record of `vehicle=mares`"),
+        ("rogue-dhcp", "`break=rogue-dhcp` breaks nothing of sparus", "it is for the site's checklist"),
+    ],
+)
+def test_a_fault_that_cannot_reach_the_robot_is_refused(
+    fault: str, message: str, hint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["vehicle=sparus", "phase=integration", f"break={fault}", "--rehearse"]
+    assert main(["check", "site=coastal", *words]) == ExitCode.USAGE
+    said = " ".join(capsys.readouterr().err.split())
+    assert message in said
+    assert hint in said
