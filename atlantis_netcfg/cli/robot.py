@@ -164,16 +164,22 @@ ROBOT_DISCOVER = CommandSpec(
 
 def run_robot_discover(arguments: Arguments) -> ExitCode:
     """Listen, and say who was heard."""
+    from dataclasses import replace
+
     from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.operations import robots
+    from atlantis_netcfg.operations.vault import Vault
 
     declaration, site = _declaration(arguments), arguments.word("site")
     _require_site(declaration, site)
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
     record = _record(arguments, declaration)
     namespace, vault = arguments.optional("save"), vault_of(arguments)
-    if namespace is not None:
+    if namespace is not None or arguments.given(ASK_VAULT_PASS):
         _ = vault.secrets  # whoever has no password is told before half a minute is over
+    else:
+        vault = Vault()  # it asks nobody
+    declaration = replace(declaration, decrypt=vault.decrypt)
     try:
         observation, reports = _listen(arguments, declaration, site, seconds, record)
     except KeyboardInterrupt:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 from zoneinfo import ZoneInfo
 
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, complete
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
@@ -170,13 +171,23 @@ def discover(
 def compare(declaration: Declaration, site: str, observation: Observation) -> list[RobotReport]:
     """Compare what was heard for a site, wherever, with the robots' files. Raises as `robots_of`."""
     sources, names = robots_of(declaration)
-    reports = judge(observation, sources, expected_at(declaration, site), names, past_guests(declaration))
-    return [
-        replace(
-            report, findings=tuple(replace(each, hint=complete(each.hint or "", site=site)) for each in report.findings)
+    sources = [source.with_token(declaration.decrypt) for source in sources]
+    sealed = {source.vehicle for source in sources if source.token_is_sealed}
+    reports = []
+    for report in judge(observation, sources, expected_at(declaration, site), names, past_guests(declaration)):
+        findings = list(report.findings)
+        if report.state is RobotState.DECLARED and report.vehicle in sealed:
+            message, hint = (
+                "its token, which is vaulted, was not compared",
+                "`provision robot discover site=… --ask-vault-pass` compares it",
+            )
+            findings.append(BearerFinding(Verdict.WARN, "token-sealed", message, hint))
+        reports.append(
+            replace(
+                report, findings=tuple(replace(each, hint=complete(each.hint or "", site=site)) for each in findings)
+            )
         )
-        for report in reports
-    ]
+    return reports
 
 
 def save(declaration: Declaration, namespace: str, observation: Observation, encrypt: Callable[[str], str]) -> Path:

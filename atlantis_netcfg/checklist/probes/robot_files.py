@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.declaration._yaml import SealedSecret
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.declaration.robots.key_names import KeyNames
 from atlantis_netcfg.declaration.robots.reading import key_names, read_declared, robot_files
 from atlantis_netcfg.robots.observation import judge
@@ -15,7 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration._yaml import Decrypt
     from atlantis_netcfg.declaration.model.robot import RobotFile
     from atlantis_netcfg.declaration.robots.reading import RobotSource
     from atlantis_netcfg.robots.observation import Observation, RobotReport
@@ -52,7 +50,7 @@ class RobotFiles:
         except NetcfgError:
             return cls(KeyNames(), {}, tested)
         good = {each.vehicle: each for each in sources if each.robot is not None and not each.findings}
-        opened = {key: _with_token(source, declaration.decrypt) for key, source in good.items() if key is not None}
+        opened = {key: source.with_token(declaration.decrypt) for key, source in good.items() if key is not None}
         return cls(names, opened, tested)
 
     def robot(self, vehicle: str) -> RobotFile:
@@ -71,15 +69,3 @@ class RobotFiles:
     def report(self, vehicle: str, observation: Observation) -> RobotReport:
         """What was heard of one robot, whose file is good."""
         return next(report for report in self.reports(observation) if report.vehicle == vehicle)
-
-
-def _with_token(source: RobotSource, decrypt: Decrypt | None) -> RobotSource:
-    """The same with its token opened, where the vault's password is known."""
-    robot = source.robot
-    if decrypt is None or robot is None or not isinstance(robot.token, SealedSecret):
-        return source
-    try:
-        token = robot.token.decrypt_with(decrypt)
-    except UsageError:
-        return source
-    return replace(source, robot=robot.model_copy(update={"token": token}))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.declaration._yaml import Node, SealedSecret, parse
 from atlantis_netcfg.declaration.examples import examples_in
 from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark, choices, meant
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.declaration._yaml import Decrypt
     from atlantis_netcfg.declaration.declaration import Declaration
 
 FOLDER = "robots"
@@ -53,6 +54,17 @@ class RobotSource:
     def token_is_sealed(self) -> bool:
         """Nobody has opened the vault: the token cannot be compared."""
         return self.robot is None or isinstance(self.robot.token, SealedSecret)
+
+    def with_token(self, decrypt: Decrypt | None) -> RobotSource:
+        """The same with its token opened, where the vault's password is known."""
+        robot = self.robot
+        if decrypt is None or robot is None or not isinstance(robot.token, SealedSecret):
+            return self
+        try:
+            token = robot.token.decrypt_with(decrypt)
+        except UsageError:
+            return self
+        return replace(self, robot=robot.model_copy(update={"token": token}))
 
     def wrong(self, path: _Path, message: str, hint: str) -> Finding:
         """An error at a value; of a block, at its key."""
