@@ -48,6 +48,11 @@ class MeasuredTelemetry:
     findings: tuple[BearerFinding, ...]
     """What `robot discover` would say of it."""
 
+    @property
+    def wrong(self) -> BearerFinding | None:
+        """The first finding by which the robot is not as its file says."""
+        return next((each for each in self.findings if each.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}), None)
+
     def of(self, declaration: Declaration) -> Declaration:
         """The pilot with these topics in the place of the declared ones."""
         vehicle = declaration.vehicles[self.vehicle].model_copy(update={"telemetry": self.topics})
@@ -146,8 +151,7 @@ def change(declaration: Declaration, telemetry: MeasuredTelemetry, day: date) ->
 
 def write(declaration: Declaration, telemetry: MeasuredTelemetry, made: TelemetryChange) -> None:
     """Put it in its place. Raises TelemetryUnmeasured for a robot that is not as its file says, and UsageError."""
-    wrong = next((each for each in telemetry.findings if each.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}), None)
-    if wrong is not None:
+    if (wrong := telemetry.wrong) is not None:
         message = f"nothing was written, for `{telemetry.vehicle}` is not as its file says: {wrong.message}"
         raise TelemetryUnmeasured(
             message, hint=f"`provision robot discover site={telemetry.site}` says all that differs"
