@@ -9,11 +9,9 @@ import socket
 import time
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from datetime import datetime
 from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
-from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, complete
@@ -28,6 +26,7 @@ from atlantis_netcfg.declaration.robots.reading import (
     NO_ROBOT_CONTACTED,
     key_names,
     load_robots,
+    past_guests,
     read_published,
 )
 from atlantis_netcfg.journal import os_errors_as, write_atomically
@@ -137,13 +136,6 @@ def expected_at(declaration: Declaration, site: str) -> list[str]:
         return named is None or key in named
 
     return [key for key, vehicle in declaration.vehicles.items() if is_tested(key, vehicle)]
-
-
-def past_guests(declaration: Declaration) -> dict[str, str]:
-    """Guests whose last day is over, by the clocks of the pilot, and that day."""
-    today = datetime.now(ZoneInfo(declaration.pilot.time_zone)).date().isoformat()
-    guests = {key: each for key, each in declaration.vehicles.items() if isinstance(each, Guest)}
-    return {key: guest.until for key, guest in guests.items() if guest.until < today}
 
 
 def recorder(declaration: Declaration, folder: str) -> BagRecorder:

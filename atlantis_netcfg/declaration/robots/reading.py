@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.declaration._yaml import Node, SealedSecret, parse
 from atlantis_netcfg.declaration.examples import examples_in
 from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark, choices, meant
 from atlantis_netcfg.declaration.loading import LARGEST, build, content, shown_path
+from atlantis_netcfg.declaration.model import Guest
 from atlantis_netcfg.declaration.model.robot import RobotFile, TopicKind
 from atlantis_netcfg.declaration.robots.key_names import KeyNames, read_key_names
 
@@ -112,6 +115,13 @@ def read_given(files: Iterable[Path], declaration: Declaration, names: KeyNames)
         vehicle = source.vehicle or (known.get(source.robot.name) if source.robot else None)
         sources.append(replace(source, vehicle=vehicle))
     return _with_namespaces_compared(sources)
+
+
+def past_guests(declaration: Declaration) -> dict[str, str]:
+    """Guests whose last day is over, by the clocks of the pilot, and that day."""
+    today = datetime.now(ZoneInfo(declaration.pilot.time_zone)).date().isoformat()
+    guests = {key: each for key, each in declaration.vehicles.items() if isinstance(each, Guest)}
+    return {key: guest.until for key, guest in guests.items() if guest.until < today}
 
 
 def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:

@@ -92,7 +92,7 @@ def test_what_is_advised_makes_a_stranger_a_guest_until_its_last_day(
     assert [(each.verdict, each.code) for each in report.findings] == [(Verdict.WARN, "token-sealed")]
     assert "lauv" in robots.expected_at(load(inventory), "coastal")
     assert "lauv" not in robots.expected_at(load(inventory), "te4sea")
-    monkeypatch.setattr(robots, "datetime", _Later)
+    monkeypatch.setattr(reading, "datetime", _Later)
     report = compared(inventory, stranger())
     assert (report.state, [each.code for each in report.findings]) == (RobotState.UNKNOWN, ["robot-unknown"])
     assert report.findings[0].message == f"it was a guest until {UNTIL}"
