@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import yaml
 from pydantic import ValidationError
 
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Guest, TelemetryTopic
 from atlantis_netcfg.operations import guests, inventory_files, robots
@@ -74,8 +74,7 @@ def measure(
     """Listen at a site. Raises UsageError, NothingMatched, and TelemetryUnmeasured where a topic was not measured."""
     robot = next((each.robot for each in robots.robots_of(declaration)[0] if each.vehicle == vehicle), None)
     if robot is None:
-        hint = f"docs/robots.md says how; `provision robot validate vehicle={vehicle}` checks it"
-        raise NothingMatched(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
+        raise robots.without_file(vehicle)
     observation, reports = robots.discover(declaration, site, seconds, address)
     report = next((each for each in reports if (each.vehicle, each.state) == (vehicle, RobotState.DECLARED)), None)
     if report is None:
