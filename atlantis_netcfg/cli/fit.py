@@ -56,6 +56,7 @@ def run_fit(arguments: Arguments) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg.core import paths, printable
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import load
     from atlantis_netcfg.journal import Store, utc_now
     from atlantis_netcfg.operations.fit import vehicle_fit
@@ -73,15 +74,17 @@ def run_fit(arguments: Arguments) -> ExitCode:
         link=arguments.optional("link"),
         run=arguments.optional("run"),
     )
+    wrong = telemetry is not None and telemetry.wrong is not None
+    code = ExitCode.CHECKS_FAILED if wrong else found.exit
     written = arguments.flag("write")
     if arguments.flag("json"):
         more = {} if telemetry is None or change is None else _as_json(telemetry, change, written=written)
-        print(json_text({**found.as_json(), **more}))
+        print(json_text({**found.as_json(), **more, "exit": int(code)}))
     else:
         printable.show(rows(found), sys.stdout)
         if telemetry is not None and change is not None:
             printable.show(_change_rows(telemetry, change, written=written), sys.stdout)
-    return found.exit
+    return code
 
 
 def _listen(

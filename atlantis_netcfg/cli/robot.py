@@ -175,7 +175,7 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
     record = _record(arguments, declaration)
     namespace = arguments.optional("save")
-    if namespace is not None:
+    if namespace is not None or arguments.given(ASK_VAULT_PASS):
         _ = vault.secrets  # whoever has no password is told before half a minute is over
     try:
         observation, reports = _listen(arguments, declaration, site, seconds, record)

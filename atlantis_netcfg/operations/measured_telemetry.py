@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import yaml
 from pydantic import ValidationError
 
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Guest, TelemetryTopic
 from atlantis_netcfg.operations import guests, inventory_files, robots
@@ -48,6 +48,11 @@ class MeasuredTelemetry:
     findings: tuple[BearerFinding, ...]
     """What `robot discover` would say of it."""
 
+    @property
+    def wrong(self) -> BearerFinding | None:
+        """The first finding by which the robot is not as its file says."""
+        return next((each for each in self.findings if each.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}), None)
+
     def of(self, declaration: Declaration) -> Declaration:
         """The pilot with these topics in the place of the declared ones."""
         vehicle = declaration.vehicles[self.vehicle].model_copy(update={"telemetry": self.topics})
@@ -69,8 +74,7 @@ def measure(
     """Listen at a site. Raises UsageError, NothingMatched, and TelemetryUnmeasured where a topic was not measured."""
     robot = next((each.robot for each in robots.robots_of(declaration)[0] if each.vehicle == vehicle), None)
     if robot is None:
-        hint = f"docs/robots.md says how; `provision robot validate vehicle={vehicle}` checks it"
-        raise NothingMatched(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
+        raise robots.without_file(vehicle)
     observation, reports = robots.discover(declaration, site, seconds, address)
     report = next((each for each in reports if (each.vehicle, each.state) == (vehicle, RobotState.DECLARED)), None)
     if report is None:
@@ -146,8 +150,7 @@ def change(declaration: Declaration, telemetry: MeasuredTelemetry, day: date) ->
 
 def write(declaration: Declaration, telemetry: MeasuredTelemetry, made: TelemetryChange) -> None:
     """Put it in its place. Raises TelemetryUnmeasured for a robot that is not as its file says, and UsageError."""
-    wrong = next((each for each in telemetry.findings if each.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}), None)
-    if wrong is not None:
+    if (wrong := telemetry.wrong) is not None:
         message = f"nothing was written, for `{telemetry.vehicle}` is not as its file says: {wrong.message}"
         raise TelemetryUnmeasured(
             message, hint=f"`provision robot discover site={telemetry.site}` says all that differs"

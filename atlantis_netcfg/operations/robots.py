@@ -9,12 +9,11 @@ import socket
 import time
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from datetime import datetime
 from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
-from zoneinfo import ZoneInfo
 
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, complete
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
@@ -27,6 +26,7 @@ from atlantis_netcfg.declaration.robots.reading import (
     NO_ROBOT_CONTACTED,
     key_names,
     load_robots,
+    past_guests,
     read_published,
 )
 from atlantis_netcfg.journal import os_errors_as, write_atomically
@@ -34,7 +34,7 @@ from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
 from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile
-from atlantis_netcfg.robots.observation import RobotState, judge, vehicle_key
+from atlantis_netcfg.robots.observation import RobotReport, RobotState, judge, vehicle_key
 from atlantis_netcfg.robots.recording import BagRecorder
 from atlantis_netcfg.robots.replay import BagPlayer, read_bag
 
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Dds, Vehicle
     from atlantis_netcfg.declaration.robots.key_names import KeyNames
     from atlantis_netcfg.declaration.robots.reading import RobotSource
-    from atlantis_netcfg.robots.observation import Observation, RobotReport
+    from atlantis_netcfg.robots.observation import Observation
     from atlantis_netcfg.robots.replay import Bag
 
 LOOPBACK: Final = "127.0.0.1"
@@ -76,6 +76,12 @@ def robots_of(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
     return sources, names
 
 
+def without_file(vehicle: str) -> NothingMatched:
+    """Why nothing is known of what a vehicle publishes."""
+    hint = f"docs/robots.md says how; `provision robot validate vehicle={vehicle}` checks it"
+    return NothingMatched(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
+
+
 def dds_of(declaration: Declaration) -> Dds:
     """How the pilot's participants find each other. Raises UsageError."""
     if declaration.pilot.dds is None:
@@ -95,14 +101,18 @@ def own_address(declaration: Declaration, site: str) -> str:
         return str(probe.getsockname()[0])
 
 
-def listening_address(declaration: Declaration, site: str, address: str | None) -> str:
-    """The named address, else the one that leads to the site; what is real leaves this computer. Raises UsageError."""
+def _ip_address(address: str) -> IPv4Address:
     try:
-        if address is not None and IPv4Address(address).is_loopback:
-            return address
+        return IPv4Address(address)
     except ValueError:
         message = f"`address={address}` is no IPv4 address"
         raise UsageError(message, hint="`ip address` shows those of this computer") from None
+
+
+def listening_address(declaration: Declaration, site: str, address: str | None) -> str:
+    """The named address, else the one that leads to the site; what is real leaves this computer. Raises UsageError."""
+    if address is not None and _ip_address(address).is_loopback:
+        return address
     refuse_examples(declaration, rehearsed=False)
     return address or own_address(declaration, site)
 
@@ -138,13 +148,6 @@ def expected_at(declaration: Declaration, site: str) -> list[str]:
     return [key for key, vehicle in declaration.vehicles.items() if is_tested(key, vehicle)]
 
 
-def past_guests(declaration: Declaration) -> dict[str, str]:
-    """Guests whose last day is over, by the clocks of the pilot, and that day."""
-    today = datetime.now(ZoneInfo(declaration.pilot.time_zone)).date().isoformat()
-    guests = {key: each for key, each in declaration.vehicles.items() if isinstance(each, Guest)}
-    return {key: guest.until for key, guest in guests.items() if guest.until < today}
-
-
 def recorder(declaration: Declaration, folder: str) -> BagRecorder:
     """What writes a bag into a new folder. Raises UsageError."""
     return BagRecorder(Path(folder), MessageTypes(declaration.root / FOLDER / INTERFACES))
@@ -170,13 +173,18 @@ def discover(
 def compare(declaration: Declaration, site: str, observation: Observation) -> list[RobotReport]:
     """Compare what was heard for a site, wherever, with the robots' files. Raises as `robots_of`."""
     sources, names = robots_of(declaration)
-    reports = judge(observation, sources, expected_at(declaration, site), names, past_guests(declaration))
-    return [
+    expected = expected_at(declaration, site)
+    reports = [
         replace(
             report, findings=tuple(replace(each, hint=complete(each.hint or "", site=site)) for each in report.findings)
         )
-        for report in reports
+        for report in judge(observation, sources, expected, names, past_guests(declaration))
     ]
+    for vehicle in sorted({*expected} - {source.vehicle for source in sources}):
+        error = without_file(vehicle)
+        finding = BearerFinding(Verdict.INCONCLUSIVE, "file-missing", str(error), error.hint)
+        reports.append(RobotReport(vehicle, RobotState.MISSING, vehicle, (finding,)))
+    return reports
 
 
 def save(declaration: Declaration, namespace: str, observation: Observation, encrypt: Callable[[str], str]) -> Path:
@@ -248,7 +256,7 @@ class MockPlace:
 def mock_place(declaration: Declaration, site: str | None, address: str | None) -> MockPlace:
     """Where robots of a site are; without a site they are heard on this computer alone. Raises UsageError."""
     if site is None:
-        return MockPlace(address or LOOPBACK, ())
+        return MockPlace(str(_ip_address(address or LOOPBACK)), ())
     # Not where robots may be: what goes to many addresses that nobody has fills the buffer that all else waits in.
     return MockPlace(listening_address(declaration, site, address), computers_of(declaration, [site]))
 
@@ -262,14 +270,16 @@ def mock(
 ) -> list[MockRobot]:
     """Be these robots until the time is over; `watch` is called before each round, at least ten times a second.
 
-    Raises UsageError.
+    Raises UsageError, and NothingMatched for a robot without a file.
     """
     sources, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
-    robots = [
-        (each.robot, each.text()) for each in sources if each.robot and (not vehicles or each.vehicle in vehicles)
-    ]
+    chosen = {each.vehicle: each for each in sources if not vehicles or each.vehicle in vehicles}
+    for vehicle in vehicles:
+        if vehicle not in chosen:
+            raise without_file(vehicle)
+    robots = [(each.robot, each.text()) for each in chosen.values() if each.robot]
     participants = max(len(robots) + _LISTENERS, dds.participants)
     with domain(dds.domain, profile(place.address, place.peers, participants)) as number:
         mocks = [

@@ -33,6 +33,9 @@ _MOST_FOREIGN: Final = 3
 """Addresses in other domains that are named at a robot that is missing."""
 _SURELY_FROZEN: Final = 10
 """Messages without a change from which it is no chance any more."""
+_PAUSE_S: Final = 5.0
+_PAUSE_PERIODS: Final = 5
+"""A topic that pauses for longer than both, while others of the robot go on, has ended."""
 _STALE_S: Final = 5.0
 """Stamps that differ so much from the time of arrival are of another clock, or of an old message."""
 
@@ -239,7 +242,7 @@ def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerF
         return
     if source.token_is_sealed:
         message = "its token, which is vaulted, was not compared"
-        hint = "type the vault's password, or ask an operator whether the control centre has accepted the robot"
+        hint = "`provision robot discover site=… --ask-vault-pass` compares it"
         yield BearerFinding(Verdict.WARN, "token-sealed", message, hint)
     elif robot.token != file.token:
         message = "its token is not the one of its file"
@@ -260,13 +263,25 @@ def topic_findings(
             message = f"it does not publish {topic.name}, which its configuration names"
             hint = "look at the program that publishes it"
             yield topic, BearerFinding(Verdict.FAIL, "topic-missing", message, hint)
-        elif topic.name in observation.unread:
+        elif observation.unread.get(topic.name) == topic.message_type:
             message = f"the type of {topic.name} is not known here, so that nothing of it was counted"
             hint = f"put {observation.unread[topic.name]} into robots/interfaces of the inventory"
             yield topic, BearerFinding(Verdict.INCONCLUSIVE, "topic-unread", message, hint)
         else:
             for writer in rows:
                 yield from ((topic, finding) for finding in _topic(topic, writer, observation.seconds))
+            yield from ((topic, finding) for finding in _ended(topic, rows, writers))
+
+
+def _ended(
+    topic: PublishedTopic, rows: Sequence[HeardWriter], writers: Sequence[HeardWriter]
+) -> Iterator[BearerFinding]:
+    """Whether a topic fell silent while the robot went on; one that was switched off ends with all its topics."""
+    rates = [writer.rate_hz for writer in rows if writer.rate_hz]
+    silence_s = max(writer.last_s for writer in writers) - max(writer.last_s for writer in rows)
+    if rates and silence_s > max(_PAUSE_S, _PAUSE_PERIODS / min(rates)):
+        message = f"nothing more was heard on {topic.name} in the last {silence_s:.0f} s of the robot"
+        yield BearerFinding(Verdict.FAIL, "topic-silent", message, "look at the program that publishes it")
 
 
 def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterator[BearerFinding]:
@@ -290,7 +305,10 @@ def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterat
             if way == "above":
                 message = f"{topic.name} comes at {rate:.2g} Hz, above the report's guideline"
             yield BearerFinding(Verdict.WARN, f"topic-rate-{way}", message, f"{guideline} (report, 3.3.3)")
-    if topic.kind.moves and writer.messages >= _FEWEST and len(writer.contents) == 1:
+    if topic.kind.moves and writer.messages < _FEWEST and len(writer.contents) == 1:
+        message = f"{topic.name} was heard {writer.messages} times: too few to tell whether it changes"
+        yield BearerFinding(Verdict.INCONCLUSIVE, "topic-frozen", message, "listen longer: `for=60s`")
+    elif topic.kind.moves and len(writer.contents) == 1:
         # A receiver on the quay may give one position a few times; ten in a row is nobody's navigation.
         verdict = Verdict.FAIL if writer.messages >= _SURELY_FROZEN else Verdict.WARN
         message = f"{topic.name} says the same in all of {writer.messages} messages"

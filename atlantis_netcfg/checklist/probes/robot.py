@@ -25,6 +25,7 @@ from atlantis_netcfg.checklist.probes.step import (
     unasked,
 )
 from atlantis_netcfg.checklist.report import ItemKind, Phase
+from atlantis_netcfg.core.errors import complete
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import ControlCentre
 from atlantis_netcfg.declaration.model.robot import TopicKind
@@ -82,7 +83,11 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     if cell.robots is None:
         return ()
     if cell.vehicle is None:
-        return (_automatic("strangers", "Only robots of the inventory introduce themselves", _Strangers(cell.robots)),)
+        return (
+            _automatic(
+                "strangers", "Only robots of the inventory introduce themselves", _Strangers(cell.robots, cell.site)
+            ),
+        )
     if cell.vehicle not in cell.robots.sources:
         return (unreadable(cell),)
     return (
@@ -171,7 +176,7 @@ def _observation(answer: Answer | None, host: str) -> Observation | BearerFindin
 def _worded(finding: BearerFinding, site: str) -> BearerFinding:
     """A hint that can be typed beside a checklist, which listens no longer than it does."""
     again = f"`provision robot discover site={site} for=60s` listens longer"
-    return replace(finding, hint=again) if finding.hint == _LONGER else finding
+    return replace(finding, hint=again if finding.hint == _LONGER else complete(finding.hint or "", site=site))
 
 
 def _evidence(writers: Collection[HeardWriter]) -> Iterator[Evidence]:
@@ -322,6 +327,7 @@ class _Strangers:
     """Every robot that introduces itself is one of the inventory."""
 
     robots: RobotFiles
+    site: str
 
     def asks(self) -> tuple[Question, ...]:
         return (RobotsHeardRequest("heard"),)
@@ -332,7 +338,7 @@ class _Strangers:
             return Judged((observation,))
         reports = self.robots.reports(observation)
         every = [finding for report in reports for finding in report.findings]
-        wrong = tuple(each for each in every if ITEM_OF[each.code] is RobotItem.STRANGERS)
+        wrong = tuple(_worded(each, self.site) for each in every if ITEM_OF[each.code] is RobotItem.STRANGERS)
         if wrong:
             return Judged(wrong)
         if not observation.configurations:

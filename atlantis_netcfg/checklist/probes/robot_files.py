@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.declaration.robots.key_names import KeyNames
-from atlantis_netcfg.declaration.robots.reading import key_names, read_declared, robot_files, with_token
+from atlantis_netcfg.declaration.robots.reading import key_names, past_guests, read_declared, robot_files
 from atlantis_netcfg.robots.observation import judge
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ class RobotFiles:
     """Of every robot of the inventory whose file has no error."""
     tested: tuple[str, ...]
     """Vehicles that are tested at the site and have a file, good or not; guests are none of them."""
+    past_guests: Mapping[str, str] = field(default_factory=dict)
+    """Guests whose last day is over, and that day: they are strangers again."""
     _judged: tuple[Observation, list[RobotReport]] | None = None
 
     @classmethod
@@ -50,8 +52,8 @@ class RobotFiles:
         except NetcfgError:
             return cls(KeyNames(), {}, tested)
         good = {each.vehicle: each for each in sources if each.robot is not None and not each.findings}
-        opened = {key: with_token(source, declaration.decrypt) for key, source in good.items() if key is not None}
-        return cls(names, opened, tested)
+        opened = {key: source.with_token(declaration.decrypt) for key, source in good.items() if key is not None}
+        return cls(names, opened, tested, past_guests(declaration))
 
     def robot(self, vehicle: str) -> RobotFile:
         """What a good file says."""
@@ -63,7 +65,10 @@ class RobotFiles:
         """Compare what was heard with all files; the items of a list share one observation."""
         if self._judged is None or self._judged[0] is not observation:
             expected = [key for key in self.tested if key in self.sources]
-            self._judged = observation, judge(observation, [*self.sources.values()], expected, self.names)
+            self._judged = (
+                observation,
+                judge(observation, [*self.sources.values()], expected, self.names, self.past_guests),
+            )
         return self._judged[1]
 
     def report(self, vehicle: str, observation: Observation) -> RobotReport:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.declaration._yaml import Node, SealedSecret, parse
 from atlantis_netcfg.declaration.examples import examples_in
 from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark, choices, meant
 from atlantis_netcfg.declaration.loading import LARGEST, build, content, shown_path
+from atlantis_netcfg.declaration.model import Guest
 from atlantis_netcfg.declaration.model.robot import RobotFile, TopicKind
 from atlantis_netcfg.declaration.robots.key_names import KeyNames, read_key_names
 
@@ -54,6 +57,17 @@ class RobotSource:
     def token_is_sealed(self) -> bool:
         """Nobody has opened the vault: the token cannot be compared."""
         return self.robot is None or isinstance(self.robot.token, SealedSecret)
+
+    def with_token(self, decrypt: Decrypt | None) -> RobotSource:
+        """The same with its token opened, where the vault's password is known."""
+        robot = self.robot
+        if decrypt is None or robot is None or not isinstance(robot.token, SealedSecret):
+            return self
+        try:
+            token = robot.token.decrypt_with(decrypt)
+        except UsageError:
+            return self
+        return replace(self, robot=robot.model_copy(update={"token": token}))
 
     def wrong(self, path: _Path, message: str, hint: str) -> Finding:
         """An error at a value; of a block, at its key."""
@@ -103,6 +117,13 @@ def read_given(files: Iterable[Path], declaration: Declaration, names: KeyNames)
     return _with_namespaces_compared(sources)
 
 
+def past_guests(declaration: Declaration) -> dict[str, str]:
+    """Guests whose last day is over, by the clocks of the pilot, and that day."""
+    today = datetime.now(ZoneInfo(declaration.pilot.time_zone)).date().isoformat()
+    guests = {key: each for key, each in declaration.vehicles.items() if isinstance(each, Guest)}
+    return {key: guest.until for key, guest in guests.items() if guest.until < today}
+
+
 def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
     """Every robot of an inventory, with warnings alone. Raises InventoryInvalid with the errors of all."""
     names, findings = key_names(declaration)
@@ -110,7 +131,7 @@ def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
     findings += [finding for source in sources for finding in source.findings]
     if findings:
         raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
-    return [with_token(source, declaration.decrypt) for source in sources], names
+    return [source.with_token(declaration.decrypt) for source in sources], names
 
 
 def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]:
@@ -284,15 +305,3 @@ _RULES = (one_of_two, names_once, conditions)
 _OF_THE_INVENTORY = (token_is_vaulted,)
 _OF_A_PARTNER = (token_is_real,)
 _WARNINGS = (units, costs_are_of_topics)
-
-
-def with_token(source: RobotSource, decrypt: Decrypt | None) -> RobotSource:
-    """The same with its token opened, where the vault's password is known."""
-    robot = source.robot
-    if decrypt is None or robot is None or not isinstance(robot.token, SealedSecret):
-        return source
-    try:
-        token = robot.token.decrypt_with(decrypt)
-    except UsageError:
-        return source
-    return replace(source, robot=robot.model_copy(update={"token": token}))

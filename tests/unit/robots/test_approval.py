@@ -1,5 +1,6 @@
 """A stranger is approved by a person: it becomes a guest with a file of its own, until its last day."""
 
+import json
 import shutil
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta, tzinfo
@@ -7,13 +8,15 @@ from pathlib import Path
 
 import pytest
 import robot_cases
+from ansible.parsing.vault import VaultLib, VaultSecret
 from hints_said import advised
 from vpn_desk import PASSPHRASE, founded, over_a_pipe
 
-from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli import _passphrase, main
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
-from atlantis_netcfg.declaration import InventoryInvalid, load
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import Declaration, InventoryInvalid, load
 from atlantis_netcfg.declaration.robots import reading
 from atlantis_netcfg.declaration.robots.key_names import KeyNames
 from atlantis_netcfg.operations import robots
@@ -91,7 +94,7 @@ def test_what_is_advised_makes_a_stranger_a_guest_until_its_last_day(
     assert [each.code for each in compared(inventory, other).findings] == ["token"], "the vault is open"
     assert "lauv" in robots.expected_at(load(inventory), "coastal")
     assert "lauv" not in robots.expected_at(load(inventory), "te4sea")
-    monkeypatch.setattr(robots, "datetime", _Later)
+    monkeypatch.setattr(reading, "datetime", _Later)
     report = compared(inventory, stranger())
     assert (report.state, [each.code for each in report.findings]) == (RobotState.UNKNOWN, ["robot-unknown"])
     assert report.findings[0].message == f"it was a guest until {UNTIL}"
@@ -102,6 +105,55 @@ def test_what_is_advised_makes_a_stranger_a_guest_until_its_last_day(
     assert "lauv" not in load(inventory).vehicles
     assert not (inventory / "robots" / "lauv.yml").exists()
     assert compared(inventory, stranger()).findings[0].message == "no robot of this inventory has the namespace `lauv`"
+
+
+def impostor() -> Observation:
+    """The stranger with a token of its own."""
+    made = stranger()
+    made.configurations[0].text = made.configurations[0].text.replace(TOKEN.encode(), b"somebody-else")
+    return made
+
+
+@pytest.mark.parametrize(
+    ("observation", "ending"),
+    [(stranger(), (0, "PASS", [])), (impostor(), (6, "FAIL", ["token"]))],
+    ids=["itself", "impostor"],
+)
+def test_a_vaulted_token_is_compared_where_the_vault_is_open(
+    observation: Observation,
+    ending: tuple[int, str, list[str]],
+    pier: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    inventory = pier / "inventory"
+    sealed = VaultLib([("default", VaultSecret(b"of the vault"))]).encrypt(TOKEN.encode()).decode()
+    shutil.rmtree(inventory / "robots")
+    (inventory / "robots").mkdir()
+    own = stranger().configurations[0].text.decode()
+    file = inventory / "robots" / "sparus.yml"
+    file.write_text(own.replace(TOKEN, "!vault |\n  " + sealed.strip().replace("\n", "\n  ")))
+    monkeypatch.setattr(robots, "expected_at", lambda *_: ["sparus"])
+
+    def discover(declaration: Declaration, site: str, *_: object) -> tuple[Observation, list[RobotReport]]:
+        return observation, robots.compare(declaration, site, observation)
+
+    monkeypatch.setattr(robots, "discover", discover)
+
+    def ended(*words: str) -> tuple[int, str, list[str]]:
+        code = main([*words, f"inventory={inventory}", "--json"])
+        (found,) = json.loads(capsys.readouterr().out)["robots"]
+        hints[:] = [each["hint"] for each in found["findings"]]
+        return code, found["verdict"], [each["code"] for each in found["findings"]]
+
+    hints: list[str] = []
+    assert ended("robot", "discover", "site=coastal") == ending
+    monkeypatch.setattr("ansible.constants.DEFAULT_VAULT_PASSWORD_FILE", None)
+    assert ended("robot", "discover", "site=coastal") == (0, "WARN", ["token-sealed"])
+    (line,) = advised(hints[0])
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr(_passphrase, "_typed", lambda _: Secret("of the vault"))
+    assert ended(*line) == ending
 
 
 class _Later(datetime):

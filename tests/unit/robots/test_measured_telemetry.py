@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import robot_cases
@@ -214,6 +215,17 @@ def test_what_is_not_as_its_file_says_is_shown_in_whole(
     (words,) = advised(said(shown, "`provision robot discover site={}` says all that differs"))
     assert main(words) == ExitCode.CHECKS_FAILED
     assert "FAIL         its token is not the one of its file" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("verdict", "code"), [(Verdict.FAIL, 6), (Verdict.INCONCLUSIVE, 6), (Verdict.WARN, 0)])
+def test_a_robot_that_is_not_as_its_file_says_fits_no_link(
+    verdict: Verdict, code: int, inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listening(monkeypatch, report("sparus", BearerFinding(verdict, "token", "its token is another one")))
+    fits = SimpleNamespace(exit=ExitCode.DONE, as_json=lambda: {"exit": 0})
+    monkeypatch.setattr("atlantis_netcfg.operations.fit.vehicle_fit", lambda *_, **__: fits)
+    assert main(typed(inventory, "observed=10s", "--json")) == code
+    assert json.loads(capsys.readouterr().out)["exit"] == code
 
 
 def test_a_vehicle_without_a_file_is_told_how_it_is_checked(

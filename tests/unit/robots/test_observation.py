@@ -74,8 +74,8 @@ CHANGES: dict[str, Change] = {
     "topic-unread": lambda seen: seen.unread.update({"/sparus/depth": "c4i_asset_msgs/msg/FloatTimestamped"}),
     "topic-frozen": lambda seen: of(seen, "pose").contents.discard(b"2"),
     "topic-stale": lambda seen: setattr(of(seen, "fix"), "stamp_age_s", -61.0),
-    "topic-rate-above": lambda seen: setattr(of(seen, "depth"), "last_s", 3.0),
-    "topic-rate-below": lambda seen: setattr(of(seen, "depth"), "last_s", 300.0),
+    "topic-rate-above": lambda seen: setattr(of(seen, "depth"), "first_s", SECONDS - 3.0),
+    "topic-rate-below": lambda seen: setattr(of(seen, "depth"), "first_s", SECONDS - 300.0),
     "topic-rate-unknown": lambda seen: setattr(of(seen, "depth"), "messages", 2),
     "configuration-rate": lambda seen: setattr(seen.configurations[0].writer, "last_s", 6.0),
     "configuration-rate-unknown": lambda seen: setattr(seen.configurations[0].writer, "messages", 2),
@@ -100,16 +100,50 @@ def test_a_pose_that_never_changes_fails_once_that_is_no_chance(messages: int, v
     observation = heard()
     pose = of(observation, "pose")
     pose.contents.discard(b"2")
-    pose.messages, pose.last_s = messages, pose.first_s + (messages - 1) / 2
+    pose.messages, pose.first_s = messages, pose.last_s - (messages - 1) / 2
     (report,) = judge(observation, [source()], ["sparus"], KeyNames())
     assert [(each.code, each.verdict) for each in report.findings] == [("topic-frozen", verdict)]
+
+
+def test_two_poses_tell_neither_a_rate_nor_whether_it_moves() -> None:
+    observation = heard()
+    pose = of(observation, "pose")
+    pose.contents.discard(b"2")
+    pose.messages = 2
+    (report,) = judge(observation, [source()], ["sparus"], KeyNames())
+    rows = [(each.code, each.verdict) for each in report.findings]
+    assert rows == [("topic-rate-unknown", Verdict.INCONCLUSIVE), ("topic-frozen", Verdict.INCONCLUSIVE)]
+
+
+def test_a_topic_that_ends_while_the_others_go_on_fails() -> None:
+    observation = heard()
+    depth = of(observation, "depth")
+    depth.messages, depth.last_s = 4, 1.5
+    (report,) = judge(observation, [source()], ["sparus"], KeyNames())
+    assert [(each.code, each.verdict, each.message) for each in report.findings] == [
+        ("topic-silent", Verdict.FAIL, "nothing more was heard on /sparus/depth in the last 28 s of the robot")
+    ]
+    observation.writers.append(replace(writer(depth.topic, depth.type, 2.0), participant="started again"))
+    assert codes(observation) == []
+    observation.writers = [
+        replace(each, last_s=(each.messages // 10 - 1) / (each.rate_hz or 1.0), messages=each.messages // 10)
+        for each in heard().writers
+    ]
+    assert codes(observation) == [], "the robot was switched off"
+
+
+def test_another_type_that_is_not_known_here_is_another_type() -> None:
+    observation = heard()
+    of(observation, "pose").type = "their_msgs/msg/Pose"
+    observation.unread["/sparus/pose"] = "their_msgs/msg/Pose"
+    assert codes(observation) == ["topic-type"]
 
 
 @pytest.mark.parametrize(("factor", "found"), [(1.05, []), (1.2, ["topic-rate-above"])])
 def test_a_measured_rate_may_be_a_little_above_the_guideline(factor: float, found: list[str]) -> None:
     observation = heard()
     depth = of(observation, "depth")
-    depth.last_s = (depth.messages - 1) / (4.0 * factor)
+    depth.first_s = depth.last_s - (depth.messages - 1) / (4.0 * factor)
     assert codes(observation) == found
 
 

@@ -9,9 +9,11 @@ import robot_cases
 from hints_said import advised, said
 
 from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.robots.observation import Observation, RobotReport, RobotState
 
@@ -153,6 +155,35 @@ def test_what_a_file_or_a_robot_says_moves_no_cursor(
     heard = capsys.readouterr().out
     assert "says so" in heard
     assert [sign for sign in ("\x1b", "\x07", "\u202e") if sign in printed.out + printed.err + heard] == []
+
+
+@pytest.mark.parametrize("vehicles", ["zarco", "sparus,zarco"])
+def test_no_robot_is_mocked_in_place_of_one_without_a_file(
+    vehicles: str, inventory: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (inventory / "robots" / "zarco.yml").unlink()
+    assert main(["robot", "mock", f"vehicle={vehicles}", "for=5s", f"inventory={inventory}"]) == ExitCode.NOTHING
+    assert "there is no robots/zarco.yml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("address", ["foo", '127.0.0.1"/><x'])
+def test_a_mock_is_at_an_address(address: str, inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["robot", "mock", f"address={address}", "for=5s", f"inventory={inventory}"]) == ExitCode.USAGE
+    assert f"`address={address}` is no IPv4 address" in capsys.readouterr().err
+
+
+def test_a_tested_vehicle_without_a_file_is_named_and_not_green(
+    inventory: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (inventory / "robots" / "zarco.yml").unlink()
+    honest = SimulatedRobots.honest(load(robot_cases.SHIPPED), "coastal").here
+    monkeypatch.setattr(robots, "discover", lambda *_: (honest, robots.compare(load(inventory), "coastal", honest)))
+    assert main(["robot", "discover", "site=coastal", f"inventory={inventory}", "--json"]) == ExitCode.CHECKS_FAILED
+    rows = json.loads(capsys.readouterr().out)["robots"]
+    missing = [each for each in rows if each["vehicle"] == "zarco"]
+    assert [(each["state"], [found["code"] for found in each["findings"]]) for each in missing] == [
+        ("missing", ["file-missing"])
+    ]
 
 
 def test_without_files_nothing_was_checked(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -578,7 +578,10 @@ _ROBOTS: Mapping[str, RehearsedFault] = {
     "robot-rate": RehearsedFault(
         "Girona 500 publishes its depth 20 times a second",
         ("girona500/robot/rates",),
-        _robot("girona500", robots.topic("depth", lambda row: setattr(row, "last_s", (row.messages - 1) / 20.0))),
+        _robot(
+            "girona500",
+            robots.topic("depth", lambda row: setattr(row, "first_s", row.last_s - (row.messages - 1) / 20.0)),
+        ),
     ),
 }
 

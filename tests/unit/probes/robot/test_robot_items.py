@@ -5,7 +5,7 @@ import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, tzinfo
 from ipaddress import IPv4Address
 from pathlib import Path
 from types import SimpleNamespace
@@ -45,6 +45,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration._yaml import SealedSecret
 from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.declaration.robots import reading
 from atlantis_netcfg.declaration.robots.reading import read_declared
 from atlantis_netcfg.operations.vpn.server_state import VpnSession
 from atlantis_netcfg.robots import observation as observed
@@ -107,6 +108,7 @@ def test_a_fault_turns_exactly_its_items(declaration: Declaration, coastal: Chec
     changed = turned(items, well)
     assert {*changed} == {name.replace("SITE", "coastal") for name in FAULTS[fault].turns}
     assert all(items[name].hint for name in changed)
+    assert not [name for name in changed if "site=…" in str(items[name].hint)], "it can be typed as it stands"
     assert Verdict.PASS not in {verdict for verdict, _ in changed.values()}
 
 
@@ -197,6 +199,28 @@ def test_a_vaulted_token_is_compared_once_it_is_opened(inventory: Path, token: s
     (row,) = (each for each in seen.configurations if each.writer.participant == "sparus")
     row.text = clear
     assert codes(judged(plan(declaration, "coastal"), "sparus/robot/discovered", heard(seen))) == [code]
+
+
+def test_a_guest_is_a_stranger_after_its_last_day(inventory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    guests = inventory / "group_vars" / "all" / "guests.yml"
+    last = "{name: LAUV, kind: auv, partner: udg, until: 2026-06-30, tested_at: [coastal], table3: [wifi]}"
+    guests.write_text(f"---\nguests:\n  lauv: {last}\n")
+    text = (inventory / "robots" / "sparus.yml").read_text()
+    (inventory / "robots" / "lauv.yml").write_text(text.replace("namespace: sparus", "namespace: lauv"))
+    declaration = load(inventory)
+    seen = SimulatedRobots.honest(declaration, "coastal").here
+    row = next(each for each in seen.configurations if each.writer.participant == "sparus")
+    row.text = row.text.replace(b"namespace: sparus", b"namespace: lauv")
+
+    class Day(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> datetime:  # type: ignore[override] # as datetime has it
+            return datetime(2026, *today, tzinfo=tz)
+
+    monkeypatch.setattr(reading, "datetime", Day)
+    for day, code in (((6, 30), "all-known"), ((7, 1), "robot-unknown")):
+        today = day
+        assert codes(judged(plan(declaration, "coastal"), "coastal/robot/strangers", heard(seen))) == [code]
 
 
 MEMBER = VpnMember("iqua-sparus", "sparus", admitted=True)
