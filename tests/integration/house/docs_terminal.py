@@ -37,21 +37,22 @@ def at_a_terminal(command: Shown, cwd: Path, environment: Mapping[str, str]) -> 
 
 def _answer_all(terminal: int, command: Shown) -> str:
     """Type each answer once, whatever the order of the questions; all that was seen until the command ended."""
-    seen, left, typed_until = "", dict(command.answers), 0
+    seen, left, typed_until = "", list(command.answers), 0
     until = time.monotonic() + ANSWER_S
     while True:
         ready, _, _ = select.select([terminal], [], [], max(0.0, until - time.monotonic()))
-        assert ready, f"{command.place}: it waits; not asked yet: {list(left)}; seen:\n{seen}"
+        assert ready, f"{command.place}: it waits; not asked yet: {[question for question, _ in left]}; seen:\n{seen}"
         more = _read(terminal)
         if not more:
             break
         seen += more
         until = time.monotonic() + ANSWER_S
-        question = next((question for question in left if question in _question(seen[typed_until:])), None)
-        if question is not None:
-            os.write(terminal, f"{left.pop(question)}\n".encode())
+        answer = next((row for row in left if row[0] in _question(seen[typed_until:])), None)
+        if answer is not None:
+            left.remove(answer)
+            os.write(terminal, f"{answer[1]}\n".encode())
             typed_until = len(seen)
-    assert left == {}, f"{command.place}: never asked: {list(left)}; seen:\n{seen}"
+    assert left == [], f"{command.place}: never asked: {[question for question, _ in left]}; seen:\n{seen}"
     return seen
 
 
