@@ -58,6 +58,7 @@ def test_bytes_and_rates_are_those_of_the_mock(tmp_path: Path) -> None:
     assert [each["size_bytes"] for each in links["satellite"]] == [each.size_bytes for each in topics]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("edit", "vehicle", "message"),
     [

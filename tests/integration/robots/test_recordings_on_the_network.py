@@ -24,6 +24,7 @@ def contents(folder: Path) -> dict[str, list[bytes]]:
     return dict(found)
 
 
+@pytest.mark.slow
 def test_a_recording_is_replayed_as_it_was(tmp_path: Path) -> None:
     script = (
         '"$1" robot mock for=60s >/dev/null 2>&1 & mock=$!; '
@@ -60,6 +61,7 @@ def parsed(printed: str) -> list[dict[str, Any]]:
     return documents
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_stopped_can_be_read(tmp_path: Path) -> None:
     """By Ctrl-C, while messages come."""
     script = (

@@ -49,6 +49,7 @@ def test_six_mock_robots_are_heard_as_their_files_say() -> None:
     assert "EXAMPLE-sparus-token" not in done.stdout
 
 
+@pytest.mark.slow
 def test_the_checklist_hears_robots_in_the_lan_of_its_site(tmp_path: Path) -> None:
     """All but one of six are there; who is in the VPN, and what the control centre hears, nobody can say here."""
     lan = "ip link add lan0 type veth peer name lan1 && ip address add 10.64.1.99/24 dev lan0"
@@ -171,6 +172,7 @@ def test_every_lie_has_exactly_its_finding(lies: dict[str, Any]) -> None:
     }
 
 
+@pytest.mark.slow
 def test_robots_that_are_switched_off_meanwhile_end_nothing() -> None:
     script = '"$1" robot mock for=6s >"$2" 2>&1 & "$1" robot discover site=coastal for=12s address=127.0.0.1 --json'
     done = alone(script, str(PROVISION), "/dev/null")
