@@ -75,17 +75,17 @@ class LinuxRouter:
     leads: bool = True
     rows: dict[str, Command] = field(default_factory=dict)
 
-    async def flight(self, commands: Sequence[Command]) -> list[Reply]:
+    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:  # noqa: ARG002 - a session's
         return [self._done(command) for command in commands]
 
-    async def command(self, command: Command) -> Reply:
+    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:  # noqa: ARG002 - as above
         return self._done(command)
 
     def _done(self, command: Command) -> Reply:
         menu, _, what = command.path.rpartition("/")
         words = dict(command.arguments)
         if command.path == "/safe-mode/print":
-            return Reply(rows=({"current": "true"},))
+            return Reply(rows=({"enabled": "true", "current": "true"},))
         if what == "add":
             return self._add(menu, words)
         if what == "remove":
