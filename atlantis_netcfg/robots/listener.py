@@ -24,7 +24,7 @@ import zlib
 from contextlib import suppress
 from typing import Any, Callable, Mapping
 
-_POLL_S = 0.02
+POLL_S = 0.02
 _AT_ONCE = 64
 _KEPT = 3
 """Different messages that are remembered of a topic."""
@@ -313,7 +313,7 @@ class CycloneListener:
         self._readers: dict[tuple[str, str], Any] = {}
         self._handles: dict[int, str] = {}
 
-    def poll(self, pause_s: float = _POLL_S) -> None:
+    def poll(self, pause_s: float = POLL_S) -> None:
         """Take what has arrived."""
         guid = str(self._participant.guid)
         # Of who leaves there is a sample with its key alone.
@@ -408,7 +408,7 @@ class RosListener:
                 for publisher in self._node.get_publishers_info_by_topic(topic):
                     if publisher.node_name != self._name:
                         self._publisher(topic, publisher)
-        self._rclpy.spin_once(self._node, timeout_sec=_POLL_S)
+        self._rclpy.spin_once(self._node, timeout_sec=POLL_S)
 
     def _publisher(self, topic: str, publisher: Any) -> None:  # noqa: ANN401 - rclpy's TopicEndpointInfo
         participant = bytes(publisher.endpoint_gid)[:_PREFIX_BYTES].hex()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.robots.listener import (
+    POLL_S,
     CycloneListener,
     OtherDomains,
     decoded,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.robots.message_types import MessageTypes
     from atlantis_netcfg.robots.observation import Observation
 
-_POLL_S: Final = 0.02
 ANNOUNCE_S: Final = 10
 _LEASE_S: Final = 120
 """Longer than a satellite is silent: after that messages come again, without finding each other anew."""
@@ -112,7 +112,7 @@ class RobotListener:
             self._listener.poll(pause_s=0)
             if self._others is not None:
                 self._others.poll()
-            await asyncio.sleep(_POLL_S)
+            await asyncio.sleep(POLL_S)
         return read_heard(mapping_of(self._listener, self._others))
 
 

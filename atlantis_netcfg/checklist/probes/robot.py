@@ -120,7 +120,7 @@ def discovery_step(name: str, cell: Cell, host: str = "") -> Step:
     """It introduces itself as its file says; `host` is who listens, this computer if empty."""
     assert cell.robots is not None  # noqa: S101 - the caller has looked
     title = "It is discovered at the control centre" if host else "It is discovered, and is as its file says"
-    return _automatic(name, title, _Discovered(cell.robots, cell.row, cell.name, cell.site, host))
+    return _automatic(name, title, _DiscoveryProbe(cell.robots, cell.row, cell.name, cell.site, host))
 
 
 def _at_the_centre(cell: Cell) -> Step:
@@ -143,7 +143,7 @@ def _topics_step(cell: Cell, item: RobotItem, kinds: frozenset[TopicKind]) -> St
     robot = cell.robots.robot(cell.row)
     if item is RobotItem.POSE and robot.pose.library and not any(topic.kind in kinds for topic in robot.topics()):
         return pose_of_the_library(item, Phase.QUAY)
-    probe = _TopicsHeard(cell.robots, cell.row, cell.name, cell.site, kinds, frozenset({item}))
+    probe = _TopicsProbe(cell.robots, cell.row, cell.name, cell.site, kinds, frozenset({item}))
     unless = "" if probe.topics() else "its file names no such topic"
     return _automatic(item, _TITLES[item], probe, unless)
 
@@ -163,7 +163,7 @@ def pose_of_the_library(name: str, phase: Phase) -> Step:
 def topics_step(name: str, title: str, cell: Cell, kind: TopicKind) -> Step:
     """All that there is to one kind of topics: heard, of their type, of now, at their rate."""
     assert cell.robots is not None  # noqa: S101 - the caller has looked
-    probe = _TopicsHeard(cell.robots, cell.row, cell.name, cell.site, frozenset({kind}), frozenset(RobotItem))
+    probe = _TopicsProbe(cell.robots, cell.row, cell.name, cell.site, frozenset({kind}), frozenset(RobotItem))
     return _automatic(name, title, probe)
 
 
@@ -173,7 +173,7 @@ def _observation(answer: Answer | None, host: str) -> Observation | BearerFindin
     return answer.observation
 
 
-def _worded(finding: BearerFinding, site: str) -> BearerFinding:
+def _complete_hint(finding: BearerFinding, site: str) -> BearerFinding:
     """A hint that can be typed beside a checklist, which listens no longer than it does."""
     again = f"`provision robot discover site={site} for=60s` listens longer"
     return replace(finding, hint=again if finding.hint == _LONGER else complete(finding.hint or "", site=site))
@@ -249,7 +249,7 @@ class _OfRobot:
 
 
 @dataclass(frozen=True, slots=True)
-class _Discovered(_OfRobot):
+class _DiscoveryProbe(_OfRobot):
     """The robot introduces itself once a second, alone under its name, as its file says."""
 
     host: str = ""
@@ -265,7 +265,7 @@ class _Discovered(_OfRobot):
         wrong = [each for each in report.findings if ITEM_OF[each.code] is RobotItem.DISCOVERED]
         evidence = tuple(self._configurations(report, observation))
         if wrong:
-            return Judged(tuple(_worded(each, self.site) for each in wrong), evidence)
+            return Judged(tuple(_complete_hint(each, self.site) for each in wrong), evidence)
         text = f"{self.name} introduces itself as its file says"
         return Judged((BearerFinding(Verdict.PASS, "introduced", text),), evidence)
 
@@ -280,7 +280,7 @@ class _Discovered(_OfRobot):
 
 
 @dataclass(frozen=True, slots=True)
-class _TopicsHeard(_OfRobot):
+class _TopicsProbe(_OfRobot):
     """Topics of the robot's file are heard from it, as they should be."""
 
     kinds: frozenset[TopicKind]
@@ -306,7 +306,7 @@ class _TopicsHeard(_OfRobot):
         names = [topic.name for topic in self.topics()]
         writers = [writer for writer in report.topics if writer.topic in names and writer.messages]
         wrong = tuple(
-            _worded(finding, self.site)
+            _complete_hint(finding, self.site)
             for topic, finding in topic_findings(self.robots.robot(self.vehicle), report.topics, observation)
             if topic.kind in self.kinds and item_of(finding.code, topic.kind) in self.items
         )
@@ -338,7 +338,7 @@ class _Strangers:
             return Judged((observation,))
         reports = self.robots.reports(observation)
         every = [finding for report in reports for finding in report.findings]
-        wrong = tuple(_worded(each, self.site) for each in every if ITEM_OF[each.code] is RobotItem.STRANGERS)
+        wrong = tuple(_complete_hint(each, self.site) for each in every if ITEM_OF[each.code] is RobotItem.STRANGERS)
         if wrong:
             return Judged(wrong)
         if not observation.configurations:
