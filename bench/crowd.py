@@ -9,8 +9,8 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, TwinSpec, spawn
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from bench import edits, measure
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
 
 __all__ = ["crowds"]
 

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 from ansible.parsing.vault import VaultLib, VaultSecret
 
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.emulator.routeros import TwinSpec
+    from atlantis_netcfg.inventory import Declaration
 
 __all__ = ["CHECKOUT", "ROUTER", "SITE", "Declared"]
 

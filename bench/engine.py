@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._playbook import PlaybookRunner
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.bearers import LAN
 from atlantis_netcfg.operations.request import Target

@@ -15,7 +15,7 @@ from atlantis_netcfg.cli._session import session
 from atlantis_netcfg.cli.checklist import CHECK
 from atlantis_netcfg.core.events import Verdict, ignore
 from atlantis_netcfg.core.paths import state_dir
-from atlantis_netcfg.declaration import ALL
+from atlantis_netcfg.inventory import ALL
 from atlantis_netcfg.journal import Store
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import Checklist, PlanEntry
     from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
 
 __all__ = ["Asking", "How", "answer_lines", "waits"]
 

@@ -16,8 +16,8 @@ from atlantis_netcfg.checklist import Scope
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import lines
-from atlantis_netcfg.declaration import choose, load
-from atlantis_netcfg.declaration.model import ServerComputer
+from atlantis_netcfg.inventory import choose, load
+from atlantis_netcfg.inventory.model import ServerComputer
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import refuse_examples
 from checks.checklist_asked import Asking, How, answer_lines, waits
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import PlanEntry
     from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 INVENTORY = Path(__file__).resolve().parent.parent / "inventory"
 ITEMS: Mapping[str, Callable[[Promises], Iterable[str]]] = {

@@ -14,9 +14,9 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_con
     OF_SYSTEMD,
 )
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.declaration.model import Gateway, ServerComputer
 from atlantis_netcfg.gateway.interop import PREFIX
 from atlantis_netcfg.gateway.services import ENVIRONMENT, VPN_INTERFACE, secret_word
+from atlantis_netcfg.inventory.model import Gateway, ServerComputer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.vpn.client import IDENTITY, SERVICE
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 __all__ = ["BUILT", "ENVIRONMENT", "JOURNAL", "LOCALE", "SSHD", "FileThere", "Promises", "UnitThere", "promises"]
 

@@ -14,7 +14,7 @@ from atlantis_netcfg.operations.request import Request
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from checks.gateway_promises import Promises
 
 __all__ = ["Answers", "NotReached", "ask"]

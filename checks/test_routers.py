@@ -12,7 +12,7 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.report.drift import drift_lines
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.inventory import Host
 
 PROVISION = str(Path(sys.executable).with_name("provision"))
 

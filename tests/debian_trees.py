@@ -3,9 +3,9 @@
 import sys
 from pathlib import Path
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab import MachineFailed, TreeSpec, build_rootfs, why_not
 from atlantis_netcfg.gateway.containers import PACKAGES
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.computers._emulation import tree_spec
 
 BARE = TreeSpec()

@@ -32,7 +32,7 @@ PACKAGE = ROOT / "atlantis_netcfg"
 ENGINE = ("integration/engine", "integration/pair", "unit/packages")
 PARTS: dict[str, tuple[Sequence[str], Sequence[str], Sequence[str]]] = {
     "routeros": (("routeros",), ("routeros", "plan", "pair"), ENGINE),
-    "rules": (("declaration/rules",), ("declaration", "errors"), ()),
+    "rules": (("inventory/rules",), ("declaration", "errors"), ()),
     "vpn": (("vpn",), ("vpn", "vpn-server"), ()),
     "checklist": (("checklist",), ("checklist", "probes", "reports"), ()),
     "runs": (("journal", "report"), ("journal", "operations", "reports"), ()),

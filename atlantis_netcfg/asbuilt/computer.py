@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord
 from atlantis_netcfg.checklist.probes import CommandResult, Place, RunProgram
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.declaration.model import Gateway
+from atlantis_netcfg.inventory.model import Gateway
 from atlantis_netcfg.operations.computers._access import is_server
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, SERVER, concerns
 from atlantis_netcfg.vpn.server import PACKAGES as SERVER_PACKAGES
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
 _TREE, _DMI = "/proc/device-tree", "/sys/class/dmi/id"

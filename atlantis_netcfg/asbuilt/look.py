@@ -17,7 +17,7 @@ from atlantis_netcfg.checklist.history import VehicleState, books
 from atlantis_netcfg.checklist.runner._real import ask_gateway
 from atlantis_netcfg.core.errors import NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.declaration.model import (
+from atlantis_netcfg.inventory.model import (
     Cpe,
     LteDriver,
     LteRouter,
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.links.session import ReadOnlySession
     from atlantis_netcfg.operations.request import Request
 

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.asbuilt.record import AsBuiltRecord, DeviceRecord, Fact, ReportTable
-    from atlantis_netcfg.declaration.model import AsBuilt
+    from atlantis_netcfg.inventory.model import AsBuilt
 
 _INDENT = 5.0
 DIGITS = 16

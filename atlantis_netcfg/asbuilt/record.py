@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.declaration.model import NumberMask
+from atlantis_netcfg.inventory.model import NumberMask
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -18,7 +18,7 @@ from atlantis_netcfg.routeros.api import Command
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.declaration.model import NumberMask
+    from atlantis_netcfg.inventory.model import NumberMask
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.api import Reply
 

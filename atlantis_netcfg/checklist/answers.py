@@ -36,9 +36,9 @@ from atlantis_netcfg.checklist.confirmations import (
 from atlantis_netcfg.checklist.report import Item, ItemKind
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Finding, report
-from atlantis_netcfg.declaration.model import Model, Text
-from atlantis_netcfg.declaration.yaml_file import Block, meant, read
+from atlantis_netcfg.inventory import Finding, report
+from atlantis_netcfg.inventory.model import Model, Text
+from atlantis_netcfg.inventory.yaml_file import Block, meant, read
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

@@ -10,7 +10,7 @@ from atlantis_netcfg.checklist._signing import SigningRefused
 from atlantis_netcfg.checklist.probes.step import ITEMS, EvidenceRequest, declared
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemFinding, ItemKind, Override
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import EvidenceKind
+from atlantis_netcfg.inventory.model import EvidenceKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -16,13 +16,13 @@ from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
 from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, ItemKind, LeftOut, Phase, Row
 from atlantis_netcfg.core.errors import NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Guest, Router, SeenFrom, WifiRole
+from atlantis_netcfg.inventory.model import ETHERNET, Column, Endpoints, Guest, Router, SeenFrom, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer, Site, SiteCheckItem
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer, Site, SiteCheckItem
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 def refuse_faults(faults: Sequence[str], *, rehearsed: bool) -> None:

@@ -30,7 +30,7 @@ from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.declaration.model import EvidenceKind
+from atlantis_netcfg.inventory.model import EvidenceKind
 from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_of
 
 if TYPE_CHECKING:

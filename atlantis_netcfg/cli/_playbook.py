@@ -26,7 +26,7 @@ from atlantis_netcfg.routeros.apply import Status
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations import Request
 
 

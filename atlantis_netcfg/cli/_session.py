@@ -33,7 +33,7 @@ from atlantis_netcfg.cli._playbook import PlaybookRunner, PlayOutcome
 from atlantis_netcfg.core import paths, printable, stop_signals
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, worst
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.declaration import Declaration, Host, choose, load
+from atlantis_netcfg.inventory import Declaration, Host, choose, load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of

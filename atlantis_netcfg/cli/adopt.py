@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
     from atlantis_netcfg.operations.trust import DeviceIdentity
@@ -86,7 +86,7 @@ def _declared(arguments: Arguments) -> tuple[Declaration, Host]:
 
     from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import choose, load
+    from atlantis_netcfg.inventory import choose, load
 
     named = arguments.optional("inventory")
     root = Path(named) if named else paths.checkout() / "inventory"
@@ -238,7 +238,7 @@ def run_trust(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn._common import declared
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.core.errors import NothingMatched, UsageError, worst
-    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.request import refuse_examples
     from atlantis_netcfg.operations.trust import has_identity

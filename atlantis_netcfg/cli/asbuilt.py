@@ -59,7 +59,7 @@ def run_asbuilt(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.asbuilt.pages import rows
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core import printable
-    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.inventory import choose
 
     _refuse_all(arguments.word("site"))
     with session(
@@ -80,7 +80,7 @@ def run_asbuilt(arguments: Arguments) -> ExitCode:
 
 def _refuse_all(site: str) -> None:
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.declaration import ALL
+    from atlantis_netcfg.inventory import ALL
 
     if site == ALL:
         raise UsageError("`provision asbuilt` is about one site at a time", hint="type its name: `site=coastal`")

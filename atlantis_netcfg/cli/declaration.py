@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bearers.standing import StandingTraffic
-    from atlantis_netcfg.declaration import Declaration, Finding, InventoryInvalid
     from atlantis_netcfg.gateway.dds import ProfileView
+    from atlantis_netcfg.inventory import Declaration, Finding, InventoryInvalid
 
 
 VALIDATE = CommandSpec(
@@ -38,8 +38,8 @@ def run_validate(arguments: Arguments) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import InventoryInvalid, load
-    from atlantis_netcfg.declaration.robots.reading import load_robots
+    from atlantis_netcfg.inventory import InventoryInvalid, load
+    from atlantis_netcfg.inventory.robots.reading import load_robots
 
     named = arguments.optional("inventory")
     inventory = Path(named) if named else paths.checkout() / "inventory"
@@ -108,7 +108,7 @@ def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
 
 
 def _tell_warnings(warnings: Sequence[Finding]) -> None:
-    from atlantis_netcfg.declaration import report
+    from atlantis_netcfg.inventory import report
 
     if warnings:
         print(translate(report(warnings, warnings=True)))
@@ -116,7 +116,7 @@ def _tell_warnings(warnings: Sequence[Finding]) -> None:
 
 def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:
     from atlantis_netcfg.core.language import translate
-    from atlantis_netcfg.declaration.examples import by_line
+    from atlantis_netcfg.inventory.examples import by_line
 
     left = declaration.examples
     for line in by_line(left) if lists_all else ():
@@ -168,8 +168,8 @@ def run_dds(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.bearers.standing import TrafficSource
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import choose, load
     from atlantis_netcfg.gateway.dds import profile_views, profiles
+    from atlantis_netcfg.inventory import choose, load
     from atlantis_netcfg.operations.standing import standing_traffic
 
     named = arguments.optional("inventory")

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.journal import Run, SavedState
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.upgrade import PreparedUpgrade, Upgraded
@@ -64,7 +64,7 @@ DRIFT = CommandSpec(
 def run_drift(arguments: Arguments) -> ExitCode:
     """Read every device, compare, report."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.declaration import ALL
+    from atlantis_netcfg.inventory import ALL
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.report.drift import junit
 
@@ -265,7 +265,7 @@ def _check_privilege(*, silence: bool) -> None:
 
 def _host(declaration: Declaration, name: str, *, tries: bool) -> Host:
     from atlantis_netcfg.core.errors import UsageError, nearest
-    from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+    from atlantis_netcfg.inventory.model import LteDriver, LteRouter
     from atlantis_netcfg.operations.kinds import handled
 
     if name in declaration.hosts:
@@ -339,7 +339,7 @@ RESTORE = CommandSpec(
 def run_restore(arguments: Arguments) -> ExitCode:
     """Find the state, show what it changes on the device, ask, apply, read back."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.declaration import ALL
+    from atlantis_netcfg.inventory import ALL
     from atlantis_netcfg.operations.restore import confirmed_state
 
     rehearsed = arguments.flag("rehearse")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.printable import Row
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.fit import LinkFit, TopicFit, VehicleFit
     from atlantis_netcfg.operations.link_capacity import Capacity
     from atlantis_netcfg.operations.measured_telemetry import MeasuredTelemetry, TelemetryChange
@@ -57,7 +57,7 @@ def run_fit(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.core import paths, printable
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.declaration import load
+    from atlantis_netcfg.inventory import load
     from atlantis_netcfg.journal import Store, utc_now
     from atlantis_netcfg.operations.fit import vehicle_fit
 

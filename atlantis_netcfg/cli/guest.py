@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.guests import GuestEntry
     from atlantis_netcfg.operations.vpn.requests import DeviceWords
     from atlantis_netcfg.operations.vpn.server import Deployed
@@ -171,7 +171,7 @@ def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, 
 def _refuse_unknown(declaration: Declaration, entry: GuestEntry) -> None:
     """Tell a word that was typed as a word, before it would be told as a line of a file."""
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.declaration.findings import meant
+    from atlantis_netcfg.inventory.findings import meant
 
     for word, typed, known in (
         ("partner", (entry.partner,), declaration.partners),

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
-    from atlantis_netcfg.declaration import Declaration, InventoryInvalid
-    from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers
+    from atlantis_netcfg.inventory import Declaration, InventoryInvalid
+    from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers
 
 
 INIT = CommandSpec(
@@ -39,8 +39,8 @@ def run_init(arguments: Arguments) -> ExitCode:
     """Collect the answers, write the folder, and say what is in it."""
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import InventoryInvalid
-    from atlantis_netcfg.declaration.new_inventory.writing import README, create, example_files, refuse_used
+    from atlantis_netcfg.inventory import InventoryInvalid
+    from atlantis_netcfg.inventory.new_inventory.writing import README, create, example_files, refuse_used
 
     folder = Path(arguments.word("folder"))
     as_json = arguments.flag("json")
@@ -88,9 +88,9 @@ def _shipped() -> Path:
 
 
 def _read(path: Path) -> tuple[InventoryAnswers, None] | InventoryInvalid:
-    from atlantis_netcfg.declaration import InventoryInvalid
-    from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers
-    from atlantis_netcfg.declaration.yaml_file import read
+    from atlantis_netcfg.inventory import InventoryInvalid
+    from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers
+    from atlantis_netcfg.inventory.yaml_file import read
 
     block = read(path, InventoryAnswers, "the answers")
     return InventoryInvalid(block.findings) if block.findings or block.value is None else (block.value, None)
@@ -101,8 +101,8 @@ def _ask_person() -> tuple[InventoryAnswers, Mapping[str, Any]]:
     from atlantis_netcfg.core import printable
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.language import translate
-    from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers
-    from atlantis_netcfg.declaration.new_inventory.questions import Interview
+    from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers
+    from atlantis_netcfg.inventory.new_inventory.questions import Interview
 
     def ask(prompt: str) -> str:
         try:
@@ -141,7 +141,7 @@ def _encrypt(*, ask: bool) -> Callable[[str], str] | None:
 def _files(answers: InventoryAnswers, encrypt: Callable[[str], str] | None) -> dict[str, str]:
     import yaml
 
-    from atlantis_netcfg.declaration.new_inventory.files import files
+    from atlantis_netcfg.inventory.new_inventory.files import files
 
     vehicles = yaml.safe_load((_shipped() / "group_vars/all/vehicles.yml").read_text(encoding="utf-8"))
     return files(answers, vehicles["vehicles"], encrypt)
@@ -173,7 +173,7 @@ def _refuse(error: InventoryInvalid, where: str, *, as_json: bool) -> ExitCode:
     import dataclasses
     import sys
 
-    from atlantis_netcfg.declaration import report
+    from atlantis_netcfg.inventory import report
 
     if as_json:
         rows = [dataclasses.asdict(finding) for finding in error.findings]

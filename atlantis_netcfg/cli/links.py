@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.allow_list_test.prove import Proof
     from atlantis_netcfg.operations.links.look import LinksStatus
@@ -77,7 +77,7 @@ def run_links(arguments: Arguments) -> ExitCode:
 
 def _one_site(site: str) -> None:
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.declaration import ALL
+    from atlantis_netcfg.inventory import ALL
 
     if site == ALL:
         raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")
@@ -146,7 +146,7 @@ PROVE = CommandSpec(
 def run_prove(arguments: Arguments) -> ExitCode:
     """Ask what it may cost, probe, tell."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 
     def chosen(declaration: Declaration) -> tuple[Host, ...]:

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bundle.build import BundleSize
     from atlantis_netcfg.bundle.manifest import Manifest
-    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.image.writer import Card
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.image import ImageOrder, MadeImage
     from atlantis_netcfg.operations.request import Request
 
@@ -69,7 +69,7 @@ def run_image(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import choose, load
+    from atlantis_netcfg.inventory import choose, load
     from atlantis_netcfg.operations.image import ImageOrder, made
 
     named = arguments.optional("inventory")
@@ -227,7 +227,7 @@ def run_bundle(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import load
+    from atlantis_netcfg.inventory import load
     from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens
     from atlantis_netcfg.operations.request import Request
 

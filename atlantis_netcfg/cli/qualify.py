@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd
     from atlantis_netcfg.operations.qualify.result import QualifyResult
@@ -90,7 +90,7 @@ _LED_ALONG = "whatever else is in this computer's tunnel goes there as well, bes
 def run_qualify(arguments: Arguments) -> ExitCode:
     """Say what it costs, measure one link after the other, tell."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.qualify.run import links_of_site, router_of
 
     limits = _limits(arguments)
@@ -127,7 +127,7 @@ def run_qualify(arguments: Arguments) -> ExitCode:
 
 def _unit(declaration: Declaration, bearer: Bearer) -> Host | None:
     """The box of a 4G link that can be read."""
-    from atlantis_netcfg.declaration.model import BearerKind, LteDriver, LteRouter
+    from atlantis_netcfg.inventory.model import BearerKind, LteDriver, LteRouter
 
     host = declaration.hosts.get(bearer.device or "") if bearer.kind is BearerKind.LTE else None
     device = None if host is None else host.device

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.retrieve import (
         RetrievalPlan,
         RetrievalProgram,

@@ -22,9 +22,9 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Finding
-    from atlantis_netcfg.declaration.robots.key_names import KeyNames
-    from atlantis_netcfg.declaration.robots.reading import RobotSource
+    from atlantis_netcfg.inventory import Declaration, Finding
+    from atlantis_netcfg.inventory.robots.key_names import KeyNames
+    from atlantis_netcfg.inventory.robots.reading import RobotSource
     from atlantis_netcfg.operations.robots import MockPlace
     from atlantis_netcfg.robots.mock import MockRobot
     from atlantis_netcfg.robots.observation import Observation, RobotReport
@@ -51,8 +51,8 @@ _DAY_S = 86_400
 
 def run_robot_validate(arguments: Arguments) -> ExitCode:
     """Say what each robot declares, or list every error."""
-    from atlantis_netcfg.declaration import InventoryInvalid
-    from atlantis_netcfg.declaration.robots.reading import NO_ROBOT_CONTACTED, key_names
+    from atlantis_netcfg.inventory import InventoryInvalid
+    from atlantis_netcfg.inventory.robots.reading import NO_ROBOT_CONTACTED, key_names
 
     declaration = _declaration(arguments)
     names, findings = key_names(declaration)
@@ -73,9 +73,9 @@ def _sources(arguments: Arguments, declaration: Declaration, names: KeyNames) ->
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import NothingMatched, UsageError
-    from atlantis_netcfg.declaration.findings import meant
-    from atlantis_netcfg.declaration.loading import shown_path
-    from atlantis_netcfg.declaration.robots.reading import FOLDER, read_declared, read_given
+    from atlantis_netcfg.inventory.findings import meant
+    from atlantis_netcfg.inventory.loader import shown_path
+    from atlantis_netcfg.inventory.robots.reading import FOLDER, read_declared, read_given
 
     files, vehicle = arguments.many("file"), arguments.optional("vehicle")
     if files and vehicle is not None:
@@ -96,7 +96,7 @@ def _sources(arguments: Arguments, declaration: Declaration, names: KeyNames) ->
 
 
 def _tell(sources: Sequence[RobotSource]) -> None:
-    from atlantis_netcfg.declaration import report
+    from atlantis_netcfg.inventory import report
 
     for source in sources:
         for line in _lines(source):
@@ -111,7 +111,7 @@ def _lines(source: RobotSource) -> Iterator[str]:
     from collections import Counter
 
     from atlantis_netcfg.bearers.cost import size
-    from atlantis_netcfg.declaration.loading import shown_path
+    from atlantis_netcfg.inventory.loader import shown_path
 
     robot = source.robot
     if robot is None:
@@ -227,7 +227,7 @@ def _tell_heard(observation: Observation, reports: Sequence[RobotReport], number
 
 def _tell_recording(record: BagRecorder | None) -> None:
     from atlantis_netcfg.bearers.cost import size
-    from atlantis_netcfg.declaration.loading import shown_path
+    from atlantis_netcfg.inventory.loader import shown_path
 
     if record is None:
         return
@@ -244,8 +244,8 @@ def _listen(
 ) -> tuple[Observation, list[RobotReport]]:
     """Listen here, or at the computer of `from=`. Raises UsageError, ListeningFailed."""
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.declaration.findings import meant
-    from atlantis_netcfg.declaration.model import ServerComputer
+    from atlantis_netcfg.inventory.findings import meant
+    from atlantis_netcfg.inventory.model import ServerComputer
     from atlantis_netcfg.operations import robots, robots_remote
 
     address, place = arguments.optional("address"), arguments.optional("from")
@@ -363,7 +363,7 @@ def run_robot_mock(arguments: Arguments) -> ExitCode:
     from contextlib import suppress
 
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.declaration.findings import meant
+    from atlantis_netcfg.inventory.findings import meant
     from atlantis_netcfg.operations import robots
 
     declaration, site = _declaration(arguments), arguments.optional("site")
@@ -448,14 +448,14 @@ def _declaration(arguments: Arguments) -> Declaration:
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import load
+    from atlantis_netcfg.inventory import load
 
     folder = arguments.optional("inventory")
     return load(Path(folder) if folder else paths.checkout() / "inventory")
 
 
 def _require_site(declaration: Declaration, site: str) -> None:
-    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.inventory import choose
 
     choose(declaration, site)
 

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.emulator.coverage import PlaceTruth
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.qualify.samples import Sample
     from atlantis_netcfg.survey.exports import Coast
     from atlantis_netcfg.survey.measure import RunningSurvey, SurveyPlan
@@ -67,7 +67,7 @@ SURVEY = CommandSpec(
 def run_survey(arguments: Arguments) -> ExitCode:
     """Take points until the time is over or a person stops it, then make the files."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.survey.radio import surveyed_link, unit_of
 
     plan = _plan(arguments)
@@ -88,7 +88,7 @@ def run_survey(arguments: Arguments) -> ExitCode:
 
 def _one_site(arguments: Arguments) -> None:
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.declaration import ALL
+    from atlantis_netcfg.inventory import ALL
 
     if arguments.word("site") == ALL:
         raise UsageError("`provision survey` is about one site at a time", hint="type its name: `site=te4sea`")

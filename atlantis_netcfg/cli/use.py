@@ -24,7 +24,7 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.link_use import UseRequest
     from atlantis_netcfg.report.run import RunReport
 

@@ -13,17 +13,6 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network, collapse_addresses
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.declaration.model import (
-    REFLECTOR_PORT,
-    DdsPath,
-    GpsTime,
-    SeenFrom,
-    ServerComputer,
-    ServiceNetwork,
-    SiteComputer,
-    TimeServer,
-    Transport,
-)
 from atlantis_netcfg.gateway import radios
 from atlantis_netcfg.gateway import services as hosted
 from atlantis_netcfg.gateway.dds_link import DdsLink, dds_link, dds_link_unit
@@ -43,13 +32,24 @@ from atlantis_netcfg.gateway.parts import (
 from atlantis_netcfg.gateway.reflector import QUALIFY_SECRET, far_end, measured_at, reflector
 from atlantis_netcfg.gateway.retrieval import packages as retrieval_packages
 from atlantis_netcfg.gateway.retrieval import retrieval
+from atlantis_netcfg.inventory.model import (
+    REFLECTOR_PORT,
+    DdsPath,
+    GpsTime,
+    SeenFrom,
+    ServerComputer,
+    ServiceNetwork,
+    SiteComputer,
+    TimeServer,
+    Transport,
+)
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import GatewayAccessPoint
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import GatewayAccessPoint
 
 CLOUD_INIT = "/etc/cloud/cloud-init.disabled"
 """Where it stands, cloud-init does nothing at a start, unless the file below or the kernel says otherwise."""

@@ -26,7 +26,12 @@ from atlantis_netcfg.bearers.standing import (
     VpnHeaders,
 )
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import (
+from atlantis_netcfg.gateway.dds_link import links_without_dds
+from atlantis_netcfg.gateway.interop import SERVICE
+from atlantis_netcfg.gateway.recording import SERVICE as RECORDING
+from atlantis_netcfg.gateway.ros1_bridge import SERVICE as BRIDGE_OF_PACKAGES
+from atlantis_netcfg.gateway.services import BRIDGE, ENVIRONMENT, PROFILES
+from atlantis_netcfg.inventory.model import (
     BearerKind,
     ControlCentre,
     Dds,
@@ -37,18 +42,13 @@ from atlantis_netcfg.declaration.model import (
     RosMiddleware,
     ServerComputer,
 )
-from atlantis_netcfg.gateway.dds_link import links_without_dds
-from atlantis_netcfg.gateway.interop import SERVICE
-from atlantis_netcfg.gateway.recording import SERVICE as RECORDING
-from atlantis_netcfg.gateway.ros1_bridge import SERVICE as BRIDGE_OF_PACKAGES
-from atlantis_netcfg.gateway.services import BRIDGE, ENVIRONMENT, PROFILES
 from atlantis_netcfg.render import compiled, environment, template_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 """Where the files stand on the computer; each link has a folder of its own below."""

@@ -13,13 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import ServerComputer, VpnServer
 from atlantis_netcfg.gateway.parts import Configuration, File, Unit
 from atlantis_netcfg.gateway.reflector import taken_away
+from atlantis_netcfg.inventory.model import ServerComputer, VpnServer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 SERVICE = "atlantis-dds-link.service"
 _UNIT = f"/etc/systemd/system/{SERVICE}"

@@ -9,14 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.declaration.model import ServerComputer
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Package, Unit
 from atlantis_netcfg.gateway.services import ENVIRONMENT, VPN_INTERFACE, with_the_vpn
+from atlantis_netcfg.inventory.model import ServerComputer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Interop, Repository
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Interop, Repository
 
 PREFIX = "/opt/atlantis/interop"
 SERVICE = "atlantis-data-gateway.service"

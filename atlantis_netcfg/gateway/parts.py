@@ -21,11 +21,11 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.de
     Unit,
     WayIn,
 )
-from atlantis_netcfg.declaration.model import AddressBy, NetworkTool, SiteComputer
+from atlantis_netcfg.inventory.model import AddressBy, NetworkTool, SiteComputer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 __all__ = ["Brought", "Check", "ConvergeStep", "Directory", "File", "SymbolicLink", "Unit", "WayIn"]
 

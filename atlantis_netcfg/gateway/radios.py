@@ -12,16 +12,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration import channels
-from atlantis_netcfg.declaration.model import Gateway, SeenFrom, WifiRole
 from atlantis_netcfg.gateway.parts import Brought, Check, ConvergeStep, File, Package, Unit
+from atlantis_netcfg.inventory import channels
+from atlantis_netcfg.inventory.model import Gateway, SeenFrom, WifiRole
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import GatewayAccessPoint, WifiEndpoint
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import GatewayAccessPoint, WifiEndpoint
 
 FOLDER = "/etc/atlantis/radios"
 """Ours alone: whatever else stands in it goes."""

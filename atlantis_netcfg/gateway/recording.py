@@ -13,7 +13,7 @@ from atlantis_netcfg.gateway.services import StartedService, runs_with_the_vpn, 
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration.model import Recording
+    from atlantis_netcfg.inventory.model import Recording
 
 SERVICE = "atlantis-recording.service"
 USER = "svc-recording"

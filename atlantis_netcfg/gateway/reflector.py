@@ -14,14 +14,14 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import REFLECTOR_PORT, ServerComputer
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Unit
 from atlantis_netcfg.gateway.services import HOLDS_PORT
+from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ServerComputer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Host
-    from atlantis_netcfg.declaration.model import Pilot, Qualify
+    from atlantis_netcfg.inventory import Host
+    from atlantis_netcfg.inventory.model import Pilot, Qualify
 
 SERVICE = "atlantis-reflector.service"
 PROGRAM = "/usr/local/lib/atlantis/reflector.py"

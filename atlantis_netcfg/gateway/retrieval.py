@@ -17,13 +17,13 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import COLLECTED, RetrievalRobot, ServerComputer
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Unit, run_on
+from atlantis_netcfg.inventory.model import COLLECTED, RetrievalRobot, ServerComputer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Retrieval, RetrievalSource
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Retrieval, RetrievalSource
 
 SERVICE = "atlantis-retrieval.service"
 PROGRAM = "/usr/local/lib/atlantis/retrieval.py"

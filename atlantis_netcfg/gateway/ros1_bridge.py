@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import ROS1_BRIDGE
 from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Unit, run_on
 from atlantis_netcfg.gateway.services import (
     BRIDGE_RUNS_NOT,
@@ -19,10 +18,11 @@ from atlantis_netcfg.gateway.services import (
     runs_with_the_vpn,
     with_the_vpn,
 )
+from atlantis_netcfg.inventory.model import ROS1_BRIDGE
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration.model import Ros1Bridge
+    from atlantis_netcfg.inventory.model import Ros1Bridge
 
 SERVICE = f"atlantis-{ROS1_BRIDGE}.service"
 """Its name is none of the declared services', among which another part removes what is not declared."""

@@ -27,7 +27,12 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.op
     public_keys,
 )
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import (
+from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Package
+from atlantis_netcfg.gateway.recording import packages as recorder
+from atlantis_netcfg.gateway.recording import recording
+from atlantis_netcfg.gateway.ros1_bridge import packages as bridge
+from atlantis_netcfg.gateway.ros1_bridge import ros1_bridge
+from atlantis_netcfg.inventory.model import (
     Dds,
     Gateway,
     Ros2,
@@ -36,18 +41,13 @@ from atlantis_netcfg.declaration.model import (
     RosOrigin,
     ServerComputer,
 )
-from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Package
-from atlantis_netcfg.gateway.recording import packages as recorder
-from atlantis_netcfg.gateway.recording import recording
-from atlantis_netcfg.gateway.ros1_bridge import packages as bridge
-from atlantis_netcfg.gateway.ros1_bridge import ros1_bridge
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 FOLDER = "keys"

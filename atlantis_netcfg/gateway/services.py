@@ -12,16 +12,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import ROS1_BRIDGE, ServiceContainer
 from atlantis_netcfg.gateway import containers
 from atlantis_netcfg.gateway.containers import PodmanContainer
 from atlantis_netcfg.gateway.parts import Brought, Check, Configuration, ConvergeStep, Directory, File, Unit, run_on
+from atlantis_netcfg.inventory.model import ROS1_BRIDGE, ServiceContainer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.declaration.model import HostedService, Ros1Bridge, ServerComputer, ServiceProgram
+    from atlantis_netcfg.inventory.model import HostedService, Ros1Bridge, ServerComputer, ServiceProgram
 
 LIST = "/etc/atlantis/services"
 """The units that are declared, one a line: whatever else of that name stands on the computer is taken away."""

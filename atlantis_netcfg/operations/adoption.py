@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Access
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Access
     from atlantis_netcfg.journal.records import Record
 
 SSH_PORT = 22

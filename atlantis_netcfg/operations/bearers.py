@@ -11,8 +11,8 @@ from atlantis_netcfg.operations.site_links import CABLE
 from atlantis_netcfg.routeros.estimate import BearerProfile
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer as Declared
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer as Declared
     from atlantis_netcfg.routeros.api import Endpoint
 
 FAST_S: Final = 0.2

@@ -31,11 +31,11 @@ from atlantis_netcfg.bundle.resolve import archive
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.declaration import Declaration, Host, choose
-from atlantis_netcfg.declaration.model import ImageLayout, Repository, ServerComputer, SiteComputer
 from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4, find, require_tools
 from atlantis_netcfg.image.facts import ImageRefused
 from atlantis_netcfg.image.source import checksum, expand
+from atlantis_netcfg.inventory import Declaration, Host, choose
+from atlantis_netcfg.inventory.model import ImageLayout, Repository, ServerComputer, SiteComputer
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, Part, concerns
 from atlantis_netcfg.operations.request import Request, refuse_examples

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from atlantis_netcfg.bearers.cost import ACCEPT, Bill, CostRefused, MeteredLink, Preview, bill, preview, size
 from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.declaration.model import LteDriver, LteRouter, Router, SshHost
+from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Router, SshHost
 from atlantis_netcfg.journal import CostCounted, Counters, Recorder, Store
 from atlantis_netcfg.operations import request as requests
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
@@ -27,7 +27,7 @@ from atlantis_netcfg.routeros.estimate import beforehand as before_reading
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.routeros._types import Observed
 
 _MB: Final = 1_000_000

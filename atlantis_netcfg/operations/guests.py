@@ -11,17 +11,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, UsageError, nearest
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import ETHERNET, Column, Guest
-from atlantis_netcfg.declaration.new_inventory.yaml_text import document
-from atlantis_netcfg.declaration.robots.reading import FOLDER
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import ETHERNET, Column, Guest
+from atlantis_netcfg.inventory.new_inventory.yaml_text import document
+from atlantis_netcfg.inventory.robots.reading import FOLDER
 from atlantis_netcfg.journal import os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration.new_inventory.yaml_text import Tree
+    from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.identity import Member
 

@@ -20,20 +20,20 @@ from atlantis_netcfg import __version__
 from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.declaration.model import AddressBy, Image, SiteComputer
 from atlantis_netcfg.image.ext4 import LAYOUTS, PROGRAMS, DiskLayout, require_tools
 from atlantis_netcfg.image.facts import ImageRefused, ImageRequest, StaticNetwork
 from atlantis_netcfg.image.plan import customise
 from atlantis_netcfg.image.source import Expanded, SourceKind, checksum, expand, segments
 from atlantis_netcfg.image.writer import Card, Progress, WriteMeter, WriterStep, WrittenCard, write
+from atlantis_netcfg.inventory.model import AddressBy, Image, SiteComputer
 from atlantis_netcfg.journal import Store, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.image.blocks import BlockDevice
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 @dataclass(slots=True)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.declaration import Declaration, InventoryInvalid, load
+from atlantis_netcfg.inventory import Declaration, InventoryInvalid, load
 from atlantis_netcfg.journal import os_errors_as, sync_directory, write_atomically
 
 if TYPE_CHECKING:

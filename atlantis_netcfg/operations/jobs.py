@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
-from atlantis_netcfg.declaration.model import Access, LteRouter
+from atlantis_netcfg.inventory.model import Access, LteRouter
 from atlantis_netcfg.journal import Journal, Pins, Recorder, Store
 from atlantis_netcfg.operations.bearers import bearer_of, patient
 from atlantis_netcfg.operations.costs import ways_of
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers.policy import BearerRoute
     from atlantis_netcfg.core.events import Subscriber
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import LinkOrder, Request
     from atlantis_netcfg.routeros._types import Observed
 

@@ -12,7 +12,8 @@ from ipaddress import IPv4Interface, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.declaration.model import (
+from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
+from atlantis_netcfg.inventory.model import (
     Access,
     Cpe,
     LteDriver,
@@ -26,7 +27,6 @@ from atlantis_netcfg.declaration.model import (
     Switch,
     SwitchPort,
 )
-from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
 from atlantis_netcfg.render import (
     Prerequisite,
     cpe,
@@ -46,7 +46,7 @@ from atlantis_netcfg.render import (
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from datetime import datetime
 
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.journal import Store
     from atlantis_netcfg.qualify.kept import KeptRun
     from atlantis_netcfg.qualify.measured_run import MeasuredRun

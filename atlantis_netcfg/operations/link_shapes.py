@@ -19,8 +19,8 @@ from atlantis_netcfg.qualify.profile import read_profile
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile
 
 LinkShapes = tuple[LinkShape, LinkShape]

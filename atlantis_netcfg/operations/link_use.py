@@ -20,8 +20,8 @@ from atlantis_netcfg.routeros.link_use import SETTLED_S
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.cost import MeteredLink, Preview
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.operations.links.look import LinksStatus
 
 SHORTEST_S: Final = 60

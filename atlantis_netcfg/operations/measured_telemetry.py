@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import Guest, TelemetryTopic
+from atlantis_netcfg.inventory.model import Guest, TelemetryTopic
 from atlantis_netcfg.operations import guests, inventory_files, robots
 from atlantis_netcfg.robots.observation import RobotState
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from datetime import date
 
     from atlantis_netcfg.bearers import BearerFinding
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Vehicle
-    from atlantis_netcfg.declaration.model.robot import RobotFile
+    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory.model import Vehicle
+    from atlantis_netcfg.inventory.model.robot import RobotFile
     from atlantis_netcfg.robots.observation import RobotReport
 
 _VEHICLES: Final = "group_vars/all/vehicles.yml"

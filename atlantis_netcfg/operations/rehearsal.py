@@ -16,7 +16,6 @@ from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
-from atlantis_netcfg.declaration.model import Cpe, Router
 from atlantis_netcfg.emulator.routeros import (
     NOT_REHEARSED,
     Air,
@@ -31,6 +30,7 @@ from atlantis_netcfg.emulator.routeros import (
     User,
     spawn,
 )
+from atlantis_netcfg.inventory.model import Cpe, Router
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers
 from atlantis_netcfg.operations.costs import ports_of
@@ -44,8 +44,8 @@ from atlantis_netcfg.routeros.assumptions import unconfirmed
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.emulator.coverage import PlaceTruth
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.adoption import Adoption
     from atlantis_netcfg.operations.link_shapes import Replay
 

@@ -16,8 +16,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import REHEARSE, NetcfgError, UsageError, nearest
 from atlantis_netcfg.core.paths import hold_own, state_dir
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.examples import by_line
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.examples import by_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -41,7 +41,7 @@ _FIELDS = {ACCEPT_COST: "accept_cost", REMOVE_FOREIGN: "remove_foreign", REHEARS
 
 def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
     """The fields of a request that Ansible's variables give. Raises UsageError in one plain sentence."""
-    from atlantis_netcfg.declaration.new_inventory.questions import wrong  # noqa: PLC0415 - plain Ansible alone asks it
+    from atlantis_netcfg.inventory.new_inventory.questions import wrong  # noqa: PLC0415 - plain Ansible alone asks it
 
     for name in variables:
         if name.startswith("atlantis_") and name not in {_REQUEST, *_FIELDS}:

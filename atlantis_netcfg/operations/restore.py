@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.inventory import Host
     from atlantis_netcfg.routeros._items import RowItem
     from atlantis_netcfg.routeros.desired import Desired
 

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.bearers.cost import Bill, Preview, bill, preview, size
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError, nearest
-from atlantis_netcfg.declaration.model import RetrievalPriority, RetrievalRobot, RetrievalSource
 from atlantis_netcfg.gateway.retrieval import PROGRAM, line_for_robot, sources_of
+from atlantis_netcfg.inventory.model import RetrievalPriority, RetrievalRobot, RetrievalSource
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
 from atlantis_netcfg.operations.site_links import link_of
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.bearers.cost import MeteredLink
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.operations.request import Request
 
 SHARES: Final[Mapping[RetrievalPriority, float]] = {

@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.bearers.cost import size
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
-from atlantis_netcfg.declaration.model import ControlCentre, Gateway, Retrieval, RetrievalRobot, ServerComputer
 from atlantis_netcfg.emulator import ssh
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayWay
 from atlantis_netcfg.gateway.retrieval import PROGRAM, retrieval
+from atlantis_netcfg.inventory.model import ControlCentre, Gateway, Retrieval, RetrievalRobot, ServerComputer
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.retrieve import SHARES, WIRE, RetrievalProgram, RetrievalSelection, new_number
 
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.operations.retrieve import RetrievalPlan, RetrievalStatus, Source
 
 GAP_S: Final = 20.0

@@ -17,11 +17,11 @@ from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, complete
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import InventoryInvalid
-from atlantis_netcfg.declaration.loading import shown_path
-from atlantis_netcfg.declaration.model import ControlCentre, Guest, ServerComputer
-from atlantis_netcfg.declaration.new_inventory.yaml_text import Vaulted, document
-from atlantis_netcfg.declaration.robots.reading import (
+from atlantis_netcfg.inventory import InventoryInvalid
+from atlantis_netcfg.inventory.loader import shown_path
+from atlantis_netcfg.inventory.model import ControlCentre, Guest, ServerComputer
+from atlantis_netcfg.inventory.new_inventory.yaml_text import Vaulted, document
+from atlantis_netcfg.inventory.robots.reading import (
     FOLDER,
     NO_ROBOT_CONTACTED,
     key_names,
@@ -41,10 +41,10 @@ from atlantis_netcfg.robots.replay import BagPlayer, read_bag
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Dds, Vehicle
-    from atlantis_netcfg.declaration.robots.key_names import KeyNames
-    from atlantis_netcfg.declaration.robots.reading import RobotSource
+    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory.model import Dds, Vehicle
+    from atlantis_netcfg.inventory.robots.key_names import KeyNames
+    from atlantis_netcfg.inventory.robots.reading import RobotSource
     from atlantis_netcfg.robots.observation import Observation
     from atlantis_netcfg.robots.replay import Bag
 

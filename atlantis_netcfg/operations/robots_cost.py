@@ -13,7 +13,7 @@ from atlantis_netcfg.robots.network import ANNOUNCE_S
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
 
 _ANNOUNCEMENT: Final = 445
 """Bytes over the link: 375 were counted on average, without Ethernet's header; the VPN adds its own."""

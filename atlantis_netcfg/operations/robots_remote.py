@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.remote_process import Carrier
-from atlantis_netcfg.declaration.model import ControlCentre, ServerComputer
-from atlantis_netcfg.declaration.robots.reading import FOLDER, key_names
 from atlantis_netcfg.gateway.services import ENVIRONMENT
+from atlantis_netcfg.inventory.model import ControlCentre, ServerComputer
+from atlantis_netcfg.inventory.robots.reading import FOLDER, key_names
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
 from atlantis_netcfg.operations.request import Request, refuse_examples
 from atlantis_netcfg.operations.robots import dds_of, peers_of
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from atlantis_netcfg.core.remote_process import ProcessEnded
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Dds
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Dds
     from atlantis_netcfg.robots.observation import Observation
 
 VENV: Final = "/opt/atlantis-dds"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.inventory import Host
     from atlantis_netcfg.journal import Run, SavedState
 
 

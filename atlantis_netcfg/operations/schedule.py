@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.declaration.model import Cpe, Router
+from atlantis_netcfg.inventory.model import Cpe, Router
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import LAN, as_bearer
 from atlantis_netcfg.routeros.pair import Pair, Signal
@@ -14,7 +14,7 @@ from atlantis_netcfg.routeros.pair import Pair, Signal
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.apply import DeviceJob
     from atlantis_netcfg.routeros.estimate import BearerProfile

@@ -11,8 +11,8 @@ from atlantis_netcfg.core.errors import UsageError, nearest
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory.model import Bearer
 
 CABLE: Final = "lan"
 """The technician's cable."""

@@ -36,11 +36,11 @@ from atlantis_netcfg.bearers.standing import (
     time_questions,
 )
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Finding
-from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, Router, Switch
-from atlantis_netcfg.declaration.rules.satellite import BUDGET_HINT
 from atlantis_netcfg.gateway.dds import profile_in_use
 from atlantis_netcfg.gateway.dds_link import links_without_dds
+from atlantis_netcfg.inventory import Finding
+from atlantis_netcfg.inventory.model import ControlCentre, DdsPath, Gateway, Router, Switch
+from atlantis_netcfg.inventory.rules.satellite import BUDGET_HINT
 from atlantis_netcfg.operations.site_links import links_of
 from atlantis_netcfg.render import router_view
 from atlantis_netcfg.vpn.client import site_link
@@ -49,9 +49,9 @@ from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, ROUTEROS_RENEGOTIATION
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Bearer, TelemetryTopic
     from atlantis_netcfg.gateway.dds import ProfileView
+    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory.model import Bearer, TelemetryTopic
     from atlantis_netcfg.render.view import Uplink
 
 _CHECK_GATEWAY_S: Final = 10.0

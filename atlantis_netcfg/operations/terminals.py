@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.bearers.satellite import Backup, SatelliteEvidence, judge_carrier_nat, judge_evidence
 from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.declaration.model import Router, SatelliteTerminal
+from atlantis_netcfg.inventory.model import Router, SatelliteTerminal
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
     JournalFailed,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bearers import BearerFinding
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 EVIDENCE_FOLDER = "evidence"

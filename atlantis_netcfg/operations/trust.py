@@ -13,7 +13,7 @@ from atlantis_netcfg.bearers.lte import rutos_client
 from atlantis_netcfg.console.ssh import host_key_of
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
@@ -25,7 +25,7 @@ from atlantis_netcfg.routeros.api import certificate_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
 _SSH: Final = 22
@@ -75,7 +75,7 @@ def identities(declaration: Declaration, host: Host, request: Request) -> tuple[
         address, key = (str(access.address), _SSH), access.host_key
     else:
         assert isinstance(host.device, LteRouter)  # noqa: S101 - `has_identity` has said so
-        assert host.device.access is not None  # noqa: S101 - declaration/rules/lte.py
+        assert host.device.access is not None  # noqa: S101 - inventory/rules/lte.py
         unit = LteUnit(host, host.device, Store(request.state), ignore)
         declared = host.device.access.fingerprint
         certificate = rutos_client.certificate_of(unit.endpoint)

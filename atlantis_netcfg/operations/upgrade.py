@@ -19,7 +19,7 @@ from atlantis_netcfg.console.ssh import upload
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, OutcomeUnknown, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.journal import (
     Journal,
     NoJournal,
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 _PROGRESS_STEPS = 20
 

@@ -14,7 +14,7 @@ from atlantis_netcfg.core import paths, printable
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.jobs import endpoint_of
@@ -30,7 +30,7 @@ from atlantis_netcfg.routeros.verify import ON_EVENT, UNDO_S, SeenAnswers, fall_
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
 _FLIGHT_BYTES = 160

@@ -7,7 +7,7 @@ from functools import cache
 from math import ceil
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.channels import lower_edge
+from atlantis_netcfg.inventory.channels import lower_edge
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network
 from atlantis_netcfg.render.view import (
@@ -23,7 +23,7 @@ from atlantis_netcfg.render.view import (
 if TYPE_CHECKING:
     from jinja2 import Template
 
-    from atlantis_netcfg.declaration.model import Bearer, Cpe, Ptp, RouterAccessPoint, ServedLink, WifiRadio
+    from atlantis_netcfg.inventory.model import Bearer, Cpe, Ptp, RouterAccessPoint, ServedLink, WifiRadio
 
 _BRIDGE = "bridge-ptp"
 _RADIO_NAMES = {"wireless": "wlan1", "wifi": "wifi1"}

@@ -9,7 +9,7 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.standing import canaries
-from atlantis_netcfg.declaration.satellite_allow_list import allowed
+from atlantis_netcfg.inventory.satellite_allow_list import allowed
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render.view import (
     Declared,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Failover, LteRouter, Pilot, Port, Router, Site
+    from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Failover, LteRouter, Pilot, Port, Router, Site
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from jinja2 import Template
 
-    from atlantis_netcfg.declaration.model import Pilot, Router, Site
+    from atlantis_netcfg.inventory.model import Pilot, Router, Site
 
 
 WATCH_S = 5.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import LanBox, Pilot, Router, Site, Switch, TrafficClass, Transport
+from atlantis_netcfg.inventory.model import LanBox, Pilot, Router, Site, Switch, TrafficClass, Transport
 from atlantis_netcfg.render._cpe import access_point, radio_name
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks

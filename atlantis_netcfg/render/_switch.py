@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import Router, SwitchPortUse
+from atlantis_netcfg.inventory.model import Router, SwitchPortUse
 from atlantis_netcfg.render._cpe import access_point, radio_name
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from jinja2 import Template
 
-    from atlantis_netcfg.declaration.model import Switch
+    from atlantis_netcfg.inventory.model import Switch
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration.model import BearerKind, Device, Pilot, Router, Site
+    from atlantis_netcfg.inventory.model import BearerKind, Device, Pilot, Router, Site
 
 
 BRIDGE = "bridge-lan"

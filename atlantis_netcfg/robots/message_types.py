@@ -11,7 +11,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.loading import content, shown_path
+from atlantis_netcfg.inventory.loader import content, shown_path
 from atlantis_netcfg.robots.listener import IdlTypes, dds_type_name
 
 if TYPE_CHECKING:

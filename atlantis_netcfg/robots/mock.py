@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.inventory.model.robot import TopicKind
 from atlantis_netcfg.robots.actions import GoalRefusal
 from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE, stamp_of
 from atlantis_netcfg.robots.mock_action import MockAction
@@ -16,7 +16,7 @@ from atlantis_netcfg.robots.mock_action import MockAction
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from atlantis_netcfg.declaration.model.robot import CommandCondition, PublishedTopic, RobotFile
+    from atlantis_netcfg.inventory.model.robot import CommandCondition, PublishedTopic, RobotFile
     from atlantis_netcfg.robots.message_types import MessageTypes
     from atlantis_netcfg.robots.network import Publisher
 

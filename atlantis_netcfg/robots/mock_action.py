@@ -10,7 +10,7 @@ from atlantis_netcfg.robots.actions import ActionServer, GoalRefusal, GoalStatus
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.declaration.model.robot import OfferedAction
+    from atlantis_netcfg.inventory.model.robot import OfferedAction
     from atlantis_netcfg.robots.actions import Goal
     from atlantis_netcfg.robots.message_types import MessageTypes
     from atlantis_netcfg.robots.network import Publisher, RosService

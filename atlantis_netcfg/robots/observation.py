@@ -12,15 +12,15 @@ from pydantic import TypeAdapter
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.robots.reading import read_published
-from atlantis_netcfg.declaration.rules.vehicles import beside_guideline
+from atlantis_netcfg.inventory.robots.reading import read_published
+from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.declaration.model.robot import PublishedTopic, RobotFile
-    from atlantis_netcfg.declaration.robots.key_names import KeyNames
-    from atlantis_netcfg.declaration.robots.reading import RobotSource
+    from atlantis_netcfg.inventory.model.robot import PublishedTopic, RobotFile
+    from atlantis_netcfg.inventory.robots.key_names import KeyNames
+    from atlantis_netcfg.inventory.robots.reading import RobotSource
 
 _CONFIGURATION_HZ: Final = (0.8, 1.25)
 """The report's 1 Hz (3.4), as a laptop's clock and a busy robot have it."""

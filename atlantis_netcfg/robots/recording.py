@@ -10,7 +10,7 @@ import time
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.loading import shown_path
+from atlantis_netcfg.inventory.loader import shown_path
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

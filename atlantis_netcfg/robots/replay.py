@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.loading import shown_path
-from atlantis_netcfg.declaration.robots.reading import read_published
-from atlantis_netcfg.declaration.robots.ros_names import why_no_name
+from atlantis_netcfg.inventory.loader import shown_path
+from atlantis_netcfg.inventory.robots.reading import read_published
+from atlantis_netcfg.inventory.robots.ros_names import why_no_name
 from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE, content_hash
 from atlantis_netcfg.robots.message_types import INTERFACES
 from atlantis_netcfg.robots.network import Publisher
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration.robots.key_names import KeyNames
+    from atlantis_netcfg.inventory.robots.key_names import KeyNames
     from atlantis_netcfg.robots.message_types import MessageTypes
 
 _MEET_S: Final = 2.0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.declaration.model import BearerKind, LteDriver, LteRouter
+from atlantis_netcfg.inventory.model import BearerKind, LteDriver, LteRouter
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.links.look import session_to
 from atlantis_netcfg.operations.links.session import rows
@@ -24,8 +24,8 @@ from atlantis_netcfg.survey.measure import RadioSample
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte import LteReading
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations import Request
 

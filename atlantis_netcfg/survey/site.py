@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import __version__
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import Gateway
 from atlantis_netcfg.emulator.coverage import out_and_back, two_masts
+from atlantis_netcfg.inventory.model import Gateway
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.qualify.far_end import key_of
 from atlantis_netcfg.operations.vpn.link import ssh_command
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from contextlib import ExitStack
 
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.emulator.coverage import PlaceTruth
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.qualify.samples import Sample

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.declaration.model import Pace, SiteComputer, Transport, VpnServer
 from atlantis_netcfg.gateway.parts import Brought, Configuration, File, Package, Unit
+from atlantis_netcfg.inventory.model import Pace, SiteComputer, Transport, VpnServer
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS, MemberLink
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 CONF = "/etc/openvpn/client/atlantis.conf"
 IDENTITY = "/etc/openvpn/client/atlantis.identity"

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration.model import RosDistribution
+    from atlantis_netcfg.inventory.model import RosDistribution
 
 
 class MemberKind(StrEnum):

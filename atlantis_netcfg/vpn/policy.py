@@ -14,14 +14,14 @@ from functools import cached_property
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import ControlCentre, Dds, DdsPath, Gateway, LanBox, Router, ServerComputer
+from atlantis_netcfg.inventory.model import ControlCentre, Dds, DdsPath, Gateway, LanBox, Router, ServerComputer
 from atlantis_netcfg.render import environment, nft_comment
 from atlantis_netcfg.vpn.identity import Member, MemberKind, MembershipList
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 class Protocol(StrEnum):

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.declaration.model import Transport
+from atlantis_netcfg.inventory.model import Transport
 from atlantis_netcfg.render import environment, router_view
 from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.vpn.identity import Identity
 
 INTERFACE = "ovpn-atlantis"

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import Router, VpnServer
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, Directory, File, Package, Unit
+from atlantis_netcfg.inventory.model import Router, VpnServer
 from atlantis_netcfg.render import environment, template_folder
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS, Certificate, Member, MemberLink, MembershipList
 from atlantis_netcfg.vpn.policy import TABLE, firewall
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address, IPv4Network
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 FOLDER = "/etc/openvpn/atlantis"
 CONF = "/etc/openvpn/server/atlantis.conf"

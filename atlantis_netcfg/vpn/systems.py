@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import Gateway, OpenVpnVersion, RosDistribution
+from atlantis_netcfg.inventory.model import Gateway, OpenVpnVersion, RosDistribution
 from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, Member, MemberKind, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 UBUNTU: Mapping[RosDistribution, tuple[str, OpenVpnVersion]] = {

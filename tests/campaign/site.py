@@ -16,8 +16,8 @@ from typing import Any, Self
 
 from quay import _inventory, _opened
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import Air, SiteSpec, SpawnedSite, User
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
 from campaign.relay import Relay

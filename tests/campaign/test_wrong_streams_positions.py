@@ -31,8 +31,8 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation, RouterosGps, StreamGps
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Geofence, GpsDriver
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 from campaign import positions
 from campaign.positions import Ride, Stream
 

@@ -21,7 +21,7 @@ from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, Stick
 from atlantis_netcfg.checklist.probes.satellite import _there
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, RegisteredProbe
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import EthernetEndpoint, WifiEndpoint
+from atlantis_netcfg.inventory.model import EthernetEndpoint, WifiEndpoint
 from campaign import senders
 from campaign.senders import (
     STRANGERS,

@@ -20,8 +20,8 @@ import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, User, WireBehaviour, spawn
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Status, converge, desired

@@ -15,8 +15,8 @@ from typing import TypedDict
 import yaml
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.declaration import load as loaded
-from atlantis_netcfg.declaration import report, validate
+from atlantis_netcfg.inventory import load as loaded
+from atlantis_netcfg.inventory import report, validate
 from atlantis_netcfg.operations.standing import inventory_warnings
 
 HERE = Path(__file__).parent

@@ -4,8 +4,8 @@ import inventory_cases
 import pytest
 from row_subtests import for_each_row
 
-from atlantis_netcfg.declaration import InventoryInvalid, load, validate
-from atlantis_netcfg.declaration._schema import FALLBACK
+from atlantis_netcfg.inventory import InventoryInvalid, load, validate
+from atlantis_netcfg.inventory._schema import FALLBACK
 
 
 @pytest.mark.parametrize("path", inventory_cases.cases(), ids=lambda path: path.stem)

@@ -43,7 +43,7 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ETHERNET, EthernetEndpoint
+from atlantis_netcfg.inventory.model import ETHERNET, EthernetEndpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

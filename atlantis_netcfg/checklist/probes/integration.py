@@ -17,14 +17,14 @@ from atlantis_netcfg.checklist.probes.robot import (
 )
 from atlantis_netcfg.checklist.probes.step import EvidenceRequest, Step
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.declaration.model import EvidenceKind
-from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.inventory.model import EvidenceKind
+from atlantis_netcfg.inventory.model.robot import TopicKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.step import Cell
-    from atlantis_netcfg.declaration.model.robot import RobotFile
+    from atlantis_netcfg.inventory.model.robot import RobotFile
 
 _TOPICS: Mapping[TopicKind, tuple[str, str]] = {
     TopicKind.BOOLEAN: ("booleans", "Its booleans are heard, as they should be"),

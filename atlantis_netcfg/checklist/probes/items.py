@@ -30,13 +30,13 @@ from atlantis_netcfg.checklist.probes.step import (
 from atlantis_netcfg.checklist.report import Evidence, ItemKind
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ItemSort, SeenFrom
+from atlantis_netcfg.inventory.model import ItemSort, SeenFrom
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import CheckItem
+    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory.model import CheckItem
 
 _PLACES = {SeenFrom.GATEWAY: Place.GATEWAY, SeenFrom.LAPTOP: Place.LAPTOP}
 _LONGEST = 200

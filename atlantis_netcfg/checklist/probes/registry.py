@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.probes import (
 from atlantis_netcfg.checklist.probes.acoustic.modem import refused_reason
 from atlantis_netcfg.checklist.probes.step import INTEGRATION, ITEMS, ROBOT, SITE, Cell, Listen, Step
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.declaration.model import ETHERNET, Column
+from atlantis_netcfg.inventory.model import ETHERNET, Column
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

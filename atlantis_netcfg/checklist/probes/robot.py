@@ -27,8 +27,8 @@ from atlantis_netcfg.checklist.probes.step import (
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import complete
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ControlCentre
-from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.inventory.model import ControlCentre
+from atlantis_netcfg.inventory.model.robot import TopicKind
 from atlantis_netcfg.robots.observation import RobotState, topic_findings
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
     from atlantis_netcfg.checklist.probes.step import Probe
     from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.declaration.model.robot import PublishedTopic
+    from atlantis_netcfg.inventory.model.robot import PublishedTopic
     from atlantis_netcfg.robots.observation import HeardWriter, Observation, RobotReport
 
 

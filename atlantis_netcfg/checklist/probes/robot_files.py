@@ -6,16 +6,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.declaration.robots.key_names import KeyNames
-from atlantis_netcfg.declaration.robots.reading import key_names, past_guests, read_declared, robot_files
+from atlantis_netcfg.inventory.robots.key_names import KeyNames
+from atlantis_netcfg.inventory.robots.reading import key_names, past_guests, read_declared, robot_files
 from atlantis_netcfg.robots.observation import judge
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model.robot import RobotFile
-    from atlantis_netcfg.declaration.robots.reading import RobotSource
+    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory.model.robot import RobotFile
+    from atlantis_netcfg.inventory.robots.reading import RobotSource
     from atlantis_netcfg.robots.observation import Observation, RobotReport
 
 

@@ -26,8 +26,8 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Column
-from atlantis_netcfg.declaration.satellite_allow_list import allowed
+from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Column
+from atlantis_netcfg.inventory.satellite_allow_list import allowed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

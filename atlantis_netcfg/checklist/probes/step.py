@@ -17,15 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.declaration.model import (
-    Endpoints,
-    EvidenceKind,
-    Router,
-    SeenFrom,
-    Site,
-    WifiEndpoint,
-    WifiRole,
-)
+from atlantis_netcfg.inventory.model import Endpoints, EvidenceKind, Router, SeenFrom, Site, WifiEndpoint, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -33,7 +25,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.qualify.record import QualifyRecord
     from atlantis_netcfg.robots.observation import Observation
 

@@ -31,7 +31,7 @@ from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged,
 from atlantis_netcfg.checklist.probes.usbl_fixes import Fixes, impossible, read_fixes
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import AcousticDriver, UsblEndpoint
+from atlantis_netcfg.inventory.model import AcousticDriver, UsblEndpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -22,7 +22,7 @@ from atlantis_netcfg.checklist.probes.acoustic.status import (
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, Listen, Question, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import AcousticDriver
+from atlantis_netcfg.inventory.model import AcousticDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

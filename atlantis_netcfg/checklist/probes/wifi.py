@@ -61,8 +61,8 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import channels
-from atlantis_netcfg.declaration.model import Column, WifiEndpoint, WifiRole
+from atlantis_netcfg.inventory import channels
+from atlantis_netcfg.inventory.model import Column, WifiEndpoint, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

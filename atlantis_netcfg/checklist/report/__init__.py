@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.report.document import (
     Signature,
     SinceGreen,
 )
-from atlantis_netcfg.declaration.model import Phase
+from atlantis_netcfg.inventory.model import Phase
 
 __all__ = [
     "Document",

@@ -19,7 +19,7 @@ from atlantis_netcfg.checklist.report.document import (
 )
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.declaration.model import Phase
+from atlantis_netcfg.inventory.model import Phase
 
 
 class PageText(StrEnum):

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.declaration.model import Phase
+from atlantis_netcfg.inventory.model import Phase
 
 
 class _Data(BaseModel):

@@ -49,7 +49,7 @@ from atlantis_netcfg.operations.request import Mode, Request, refuse_examples
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.allow_list_test.prove import Proving
     from atlantis_netcfg.routeros.api import Reply
 

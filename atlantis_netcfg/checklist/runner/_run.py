@@ -27,7 +27,7 @@ from atlantis_netcfg.core.crash_report import Crashed, crashed
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.core.reading_programs import allowed
-from atlantis_netcfg.declaration.model import REFLECTOR_PORT, ServerComputer
+from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ServerComputer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -17,7 +17,7 @@ from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.request import Request, refuse_examples
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 _OPTIONS = (
     "BatchMode=yes",

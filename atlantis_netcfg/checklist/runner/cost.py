@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import PlanEntry
     from atlantis_netcfg.checklist.runner.results import Questions
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.routeros.estimate import BearerProfile
 
 _SSH: Final = 8_000

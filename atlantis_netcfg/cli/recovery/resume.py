@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.cli._session import CommandSession
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.journal import Run
     from atlantis_netcfg.report.run import RunReport
 
@@ -77,7 +77,7 @@ def _run_rehearsed(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._rehearse import announce
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.saved_states import hosts_of_run
 
     found: list[Run] = []

@@ -21,7 +21,7 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.journal import Run
     from atlantis_netcfg.report.run import RunReport
 
@@ -90,7 +90,7 @@ def _chosen(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[
     """The run, and those of the hosts of which it has saved a state. Raises NothingMatched."""
     from atlantis_netcfg.cli._session import require_handled
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.kinds import handled
     from atlantis_netcfg.operations.saved_states import hosts_to_restore, saved_run
 

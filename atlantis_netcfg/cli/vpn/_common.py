@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.members import OperatorContext
     from atlantis_netcfg.operations.vpn.server import Server
@@ -74,7 +74,7 @@ def declared(arguments: Arguments) -> Declaration:
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import load
+    from atlantis_netcfg.inventory import load
 
     named = arguments.optional(INVENTORY.name)
     return load(Path(named) if named else paths.checkout() / "inventory")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.vpn.members import HandedOut, HandoutTarget
     from atlantis_netcfg.operations.vpn.requests import DeviceWords
     from atlantis_netcfg.operations.vpn.server import Deployed, Server
@@ -105,7 +105,7 @@ def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.declaration.lists import read
+    from atlantis_netcfg.inventory.lists import read
     from atlantis_netcfg.operations.vpn.requests import KEYS, DeviceWords
 
     words = {key: arguments.optional(key) for key in KEYS}

@@ -70,7 +70,7 @@ def run_vpn_install(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.declaration import ALL, choose, load
+    from atlantis_netcfg.inventory import ALL, choose, load
 
     named = arguments.optional(INVENTORY.name)
     declaration = load(Path(named) if named else paths.checkout() / "inventory")

@@ -12,14 +12,14 @@ from atlantis_netcfg.bearers.satellite import Expected, NamedTarget, SatellitePr
 from atlantis_netcfg.bearers.standing import NTP_BYTES
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched
 from atlantis_netcfg.core.packets import ECHO_BYTES
-from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Pilot, Transport
-from atlantis_netcfg.declaration.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed, far_end
+from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Pilot, Transport
+from atlantis_netcfg.inventory.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed, far_end
 from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.routeros._types import Row
 
 

@@ -22,7 +22,7 @@ from atlantis_netcfg.bearers.satellite import (
 )
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.declaration.satellite_allow_list import far_end
+from atlantis_netcfg.inventory.satellite_allow_list import far_end
 from atlantis_netcfg.operations.allow_list_test.plan import (
     BUDGET_BYTES,
     MARK,
@@ -47,7 +47,7 @@ from atlantis_netcfg.routeros.safe_mode import RELEASE, UNROLL, ApiSafeMode, Saf
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.declaration.model import Bearer, Pilot
+    from atlantis_netcfg.inventory.model import Bearer, Pilot
     from atlantis_netcfg.operations.allow_list_test.vpn import VpnQuestion
 
 

@@ -28,8 +28,8 @@ from atlantis_netcfg.vpn.pki.keys import FirstPacket
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.operations.rehearsal import Rehearsal
     from atlantis_netcfg.operations.request import Request
 

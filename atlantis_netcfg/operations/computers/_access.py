@@ -6,14 +6,14 @@ import shlex
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.declaration.model import SshHost, VpnServer
+from atlantis_netcfg.inventory.model import SshHost, VpnServer
 from atlantis_netcfg.journal import make_private, os_errors_as, write_atomically
 from atlantis_netcfg.operations.bearers import bearer_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
 

@@ -18,17 +18,6 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import (
-    ROS1_BRIDGE,
-    HostedService,
-    Model,
-    Ros1Bridge,
-    ServerComputer,
-    ServiceContainer,
-    ServiceProgram,
-    SiteComputer,
-    SshHost,
-)
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.emulator.lab import stubs
 from atlantis_netcfg.emulator.lab.stubs.image import NOT_REHEARSED as NO_IMAGES
@@ -40,6 +29,17 @@ from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.recording import packages as recorder
 from atlantis_netcfg.gateway.retrieval import PACKAGES as RETRIEVAL
 from atlantis_netcfg.gateway.ros1_bridge import packages as bridge
+from atlantis_netcfg.inventory.model import (
+    ROS1_BRIDGE,
+    HostedService,
+    Model,
+    Ros1Bridge,
+    ServerComputer,
+    ServiceContainer,
+    ServiceProgram,
+    SiteComputer,
+    SshHost,
+)
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.request import StandIns, Target
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.vpn.identity import Identity
 
 

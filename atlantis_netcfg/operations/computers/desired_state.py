@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
 BUNDLES = "/var/lib/atlantis/bundle"

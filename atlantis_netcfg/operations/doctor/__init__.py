@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import ALL, InventoryInvalid, choose, load
+from atlantis_netcfg.inventory import ALL, InventoryInvalid, choose, load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.doctor.clock import clock_items
@@ -39,7 +39,7 @@ from atlantis_netcfg.operations.doctor.way import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 __all__ = ["Diagnosis", "DoctorItem", "DoctorSection", "examine"]
 

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import InventoryInvalid, load
-from atlantis_netcfg.declaration.model import LteRouter, SiteComputer, SshHost
+from atlantis_netcfg.inventory import InventoryInvalid, load
+from atlantis_netcfg.inventory.model import LteRouter, SiteComputer, SshHost
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.trust import has_identity
@@ -28,7 +28,7 @@ from atlantis_netcfg.operations.vault import PROMPTS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.journal import Pins
 
 _PATIENCE_S = 5.0

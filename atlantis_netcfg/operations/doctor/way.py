@@ -21,7 +21,7 @@ from cryptography import x509
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 from atlantis_netcfg.operations.kinds import managed
@@ -30,7 +30,7 @@ from atlantis_netcfg.routeros.api import Endpoint, Unreachable, shown_certificat
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.doctor.network import KernelRoute, LaptopPort, NetworkFacts
 
 _CONNECT_S = 5.0

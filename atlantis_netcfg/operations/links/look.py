@@ -13,7 +13,7 @@ from atlantis_netcfg.bearers.policy import BearerRoute, active_bearers, probe_co
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.declaration.model import Bearer, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
+from atlantis_netcfg.inventory.model import Bearer, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 from atlantis_netcfg.journal import Counters, MonthBytes, Store, Usage
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
 from atlantis_netcfg.operations.bearers import FAST_S, LAN, PATIENCE_S, bearer_of
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import BearerStatus
     from atlantis_netcfg.bearers.standing import StandingTraffic
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.link_use import LinkUse
 

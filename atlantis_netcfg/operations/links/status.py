@@ -14,7 +14,7 @@ from atlantis_netcfg.bearers.satellite import judge_carrier_nat, judge_factory_a
 from atlantis_netcfg.bearers.wifi import Family, WifiExpected, WifiReading, queries
 from atlantis_netcfg.bearers.wifi import read as read_wifi
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import Bearer, Cpe, LteDriver, PtpMode
+from atlantis_netcfg.inventory.model import Bearer, Cpe, LteDriver, PtpMode
 from atlantis_netcfg.operations.links.session import Echo, ReadOnlySession, RouterReading, SessionPort, command, rows
 from atlantis_netcfg.operations.terminals import is_terminal, look
 from atlantis_netcfg.routeros.api import Command, Reply, Session
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from datetime import date
 
     from atlantis_netcfg.bearers.policy import BearerRoute
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations.lte.units import LteUnit
     from atlantis_netcfg.routeros._types import Row

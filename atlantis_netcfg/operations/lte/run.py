@@ -20,7 +20,7 @@ from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete, worst
 from atlantis_netcfg.core.events import Event, Stage, Verdict
-from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import (
     NOT_RECORDED,
     ActionsConfirmed,
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers.lte.rutos_settings import SettingChange
     from atlantis_netcfg.console.ssh import Commands
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import EventStream
 
 

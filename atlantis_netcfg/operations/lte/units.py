@@ -12,8 +12,8 @@ from atlantis_netcfg.bearers.lte.judge import LteExpected, judge
 from atlantis_netcfg.console.ssh import Commands, open_commands
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Subscriber, Verdict
-from atlantis_netcfg.declaration.model import LteAccess, LteDriver, LteRouter
 from atlantis_netcfg.emulator import modem, rutos
+from atlantis_netcfg.inventory.model import LteAccess, LteDriver, LteRouter
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.terminals import TriedPin
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte import LteReading
     from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
     from atlantis_netcfg.bearers.lte.rutos_settings import LteSettings
-    from atlantis_netcfg.declaration import Host
     from atlantis_netcfg.emulator.coverage import PlaceTruth
+    from atlantis_netcfg.inventory import Host
     from atlantis_netcfg.journal import Pins, Store
     from atlantis_netcfg.routeros.apply import Status
 
@@ -124,7 +124,7 @@ class LteUnit:
 
     @property
     def _access(self) -> LteAccess:
-        assert self.device.access is not None  # noqa: S101 - declaration/rules/lte.py
+        assert self.device.access is not None  # noqa: S101 - inventory/rules/lte.py
         return self.device.access
 
     @property
@@ -180,7 +180,7 @@ class LteUnit:
 
     def _at(self) -> UnitStatus:
         port = self.target.serial if self.target is not None else self.device.serial
-        assert port is not None  # noqa: S101 - declaration/rules/lte.py; each emulated modem has one
+        assert port is not None  # noqa: S101 - inventory/rules/lte.py; each emulated modem has one
         found = at.read(port)
         return UnitStatus(found.reading, judge(found.reading, self.expected), found.commands)
 
@@ -297,7 +297,7 @@ def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
 def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> EmulatedUnit:
     """As it comes from its box but for the declared users: nothing is set, and the SIM's PIN is the declared one."""
     access, sim = device.access, device.sim
-    assert access is not None  # noqa: S101 - declaration/rules/lte.py
+    assert access is not None  # noqa: S101 - inventory/rules/lte.py
     spec = rutos.RutosSpec(
         name=name,
         reader=access.user,

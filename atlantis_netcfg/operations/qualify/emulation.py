@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.operations.qualify.way import MeasuredFlow
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 

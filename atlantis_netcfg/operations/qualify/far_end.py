@@ -13,9 +13,9 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError
-from atlantis_netcfg.declaration.model import ServerComputer, Transport
-from atlantis_netcfg.declaration.satellite_allow_list import admits, allowed, far_end
 from atlantis_netcfg.gateway.reflector import QUALIFY_SERVICE
+from atlantis_netcfg.inventory.model import ServerComputer, Transport
+from atlantis_netcfg.inventory.satellite_allow_list import admits, allowed, far_end
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
 from atlantis_netcfg.operations.vpn.link import ssh_command
 from atlantis_netcfg.qualify.measured_run import Selection
@@ -24,8 +24,8 @@ from atlantis_netcfg.qualify.reflector.stamp import PORT, reflector_key
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import Bearer, Qualify
+    from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.inventory.model import Bearer, Qualify
     from atlantis_netcfg.operations.request import Request
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.declaration.model import Pace
+from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.qualify.budget import IPV4_HEADERS, VPN_HEADERS
 from atlantis_netcfg.qualify.grids import (
     IMAGE_RATES_HZ,
@@ -34,7 +34,7 @@ from atlantis_netcfg.qualify.session import TrainPlan
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.qualify.judgement import QualifyProfile
 
 IDLE_PACKETS: Final = 600

@@ -53,8 +53,8 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
     from atlantis_netcfg.operations.qualify.plan import QualifyPlan
     from atlantis_netcfg.operations.qualify.way import FlowCounts

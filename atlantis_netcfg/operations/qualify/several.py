@@ -19,7 +19,7 @@ from atlantis_netcfg.qualify.session import EndReason
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.operations.qualify.result import QualifyResult
 
 

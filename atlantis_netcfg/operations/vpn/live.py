@@ -28,8 +28,8 @@ from atlantis_netcfg.vpn.server import CCD, FIREWALL, live_files
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.gateway.parts import File
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import SessionObservation
     from atlantis_netcfg.vpn.identity import MembershipList

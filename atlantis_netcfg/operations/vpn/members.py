@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, RenewalRequest, RevocationResult
     from atlantis_netcfg.vpn.authority.signer import Signer
     from atlantis_netcfg.vpn.identity import Identity, Member

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
-from atlantis_netcfg.declaration.model import Router, SiteComputer
+from atlantis_netcfg.inventory.model import Router, SiteComputer
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.client import site_link
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 NOT_REHEARSED = ("the VPN: clients run with identities of the rehearsal, and no server answers them",)
 _DAYS = 397

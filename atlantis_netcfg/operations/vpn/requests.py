@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
-from atlantis_netcfg.declaration.model import Guest, OpenVpnVersion, RosDistribution, Router
+from atlantis_netcfg.inventory.model import Guest, OpenVpnVersion, RosDistribution, Router
 from atlantis_netcfg.vpn import names, systems
 from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
 from atlantis_netcfg.vpn.client import site_link
@@ -25,7 +25,7 @@ from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, KeyType, Member,
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 _Word = TypeVar("_Word", bound=StrEnum)

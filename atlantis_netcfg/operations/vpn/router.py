@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, complete
 from atlantis_netcfg.core.events import Subscriber, ignore
-from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.journal import (
     Journal,
     NoJournal,
@@ -46,7 +46,7 @@ from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 from atlantis_netcfg.vpn.identity import Identity, KeyType
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import ServerAway, ServerLink, ServerRefused, SshLink
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.live import RevocationEvidence
     from atlantis_netcfg.vpn.authority.authority import Authority
@@ -32,7 +32,7 @@ from atlantis_netcfg.vpn.identity import Wrap
 from atlantis_netcfg.vpn.systems import wrap_of
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.identity import MembershipList
 

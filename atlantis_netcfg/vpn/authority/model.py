@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address, IPv4Network
     from pathlib import Path
 
-    from atlantis_netcfg.declaration.model import RosDistribution
+    from atlantis_netcfg.inventory.model import RosDistribution
     from atlantis_netcfg.vpn.ledger.records import Issued
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki, routeros
 from atlantis_netcfg.vpn.enrolment_package import page as pages
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
 
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9.-]{0,79}/[A-Za-z0-9][A-Za-z0-9.-]{0,79}")

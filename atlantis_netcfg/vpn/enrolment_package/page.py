@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.declaration.model import Pace
 from atlantis_netcfg.gateway.dds import MemberDds, ProfileView, member_files, member_view
 from atlantis_netcfg.gateway.services import PROFILES
+from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.vpn import routeros, systems
 from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared
@@ -32,7 +32,7 @@ from atlantis_netcfg.vpn.server import tunnel_address
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
 
 
 _OURS = "p_site_hosts"

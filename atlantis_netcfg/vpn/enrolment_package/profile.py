@@ -25,7 +25,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat,
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import Transport, VpnServer
+from atlantis_netcfg.inventory.model import Transport, VpnServer
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.vpn.identity import (
     RENEGOTIATION_S,
@@ -42,7 +42,7 @@ from atlantis_netcfg.vpn.identity import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
 
 
 _MARK = "# atlantis-identity 1"

@@ -10,14 +10,14 @@ import hashlib
 import json
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from atlantis_netcfg.declaration.model import Transport
+from atlantis_netcfg.inventory.model import Transport
 from atlantis_netcfg.render import template_folder
 from atlantis_netcfg.vpn.enrolment_package.page import WAIT_S, dds_port, reach, tunnel_of_server
 from atlantis_netcfg.vpn.enrolment_package.profile import remote
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.vpn.identity import Identity, Member
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer
 
-from atlantis_netcfg.declaration.model import RosDistribution  # noqa: TC001 - as above
+from atlantis_netcfg.inventory.model import RosDistribution  # noqa: TC001 - as above
 from atlantis_netcfg.vpn.identity import ClientSystem, KeyType, MemberKind, MemberLink, Wrap  # noqa: TC001 - as above
 
 Command = Literal["issue", "renew", "revoke", "publish", "serve"]

@@ -14,9 +14,9 @@ from atlantis_netcfg.checklist import Scope, plan
 from atlantis_netcfg.checklist.probes import Answer, Cell, Judged, Listen, Place, Probe, acoustic, usbl
 from atlantis_netcfg.checklist.runner import OnAnswer, ask_here, examine
 from atlantis_netcfg.checklist.runner.results import Questions
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.loading import load
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.loader import load
 
 Twin = RunningEvologics | RunningSeatrac
 ROOT = Path(__file__).parents[3]

@@ -10,8 +10,8 @@ from typing import Any
 
 from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
 from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
 

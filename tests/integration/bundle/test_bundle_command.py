@@ -23,9 +23,9 @@ from bundle_stand import HOST, arm64, status
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Gateway, ImageLayout
 from atlantis_netcfg.emulator.lab.stubs import publish
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import Gateway, ImageLayout
 from atlantis_netcfg.operations.bundle import from_image, wish_of
 from atlantis_netcfg.operations.request import Request
 

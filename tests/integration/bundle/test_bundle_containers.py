@@ -9,8 +9,8 @@ from bundle_stand import HOST, Laptop, arm64
 
 from atlantis_netcfg.bundle.open import open_bundle
 from atlantis_netcfg.bundle.requirements import BundleRefused, ContainerArchive, HostRequirements
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import HostedService, Ros1Bridge, ServerComputer
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import HostedService, Ros1Bridge, ServerComputer
 from atlantis_netcfg.operations.bundle import wish_of
 from atlantis_netcfg.operations.request import Request
 

@@ -30,8 +30,6 @@ from satellite_stage import ROBOT as ACCESS_POINT
 from satellite_stage import Stage, stage
 from slow_link import Link
 
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import BearerKind, DdsPeer
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.dds import (
     RELEASES,
@@ -43,6 +41,8 @@ from atlantis_netcfg.gateway.dds import (
     profiles,
 )
 from atlantis_netcfg.gateway.reflector import PROGRAM, SERVICE
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import BearerKind, DdsPeer
 from atlantis_netcfg.vpn.identity import MemberKind
 
 SITE, VEHICLE = "coastal", "zarco"

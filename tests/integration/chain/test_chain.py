@@ -18,7 +18,7 @@ from own_asked import check, findings, inside
 
 from atlantis_netcfg.checklist.probes import Answer, LinkStatusResult, Rows
 from atlantis_netcfg.checklist.probes.step import Judged
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

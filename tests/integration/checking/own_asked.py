@@ -10,7 +10,7 @@ from dataclasses import replace
 from atlantis_netcfg.checklist.probes import Answer, Cell, DdsDiscoverRequest, Judged, Probe, ReflectRequest, RunProgram
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.runner import ask_here
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 
 SITE, GATEWAY = "coastal", "coastal-gateway"
 _Asked = RunProgram | DdsDiscoverRequest | ReflectRequest

@@ -14,8 +14,8 @@ import pytest
 from own_asked import GATEWAY, check, findings, inside
 from waiting import wait_until
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.gateway.dds import profile_views, profiles
+from atlantis_netcfg.inventory import load
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

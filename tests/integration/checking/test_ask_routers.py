@@ -10,8 +10,8 @@ from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes import Answer, Place, RouterOsQuery, Rows, Trouble
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.core.events import Event
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 

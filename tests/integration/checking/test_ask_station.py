@@ -14,9 +14,9 @@ import pytest
 from atlantis_netcfg.checklist.probes import Cell, CommandResult, Judged, Place, RouterOsQuery
 from atlantis_netcfg.checklist.probes.wifi import steps
 from atlantis_netcfg.checklist.runner import RealEars
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Cpe, PtpProtocol, RadioMenus, WifiEndpoint
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, TwinSpec
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Cpe, PtpProtocol, RadioMenus, WifiEndpoint
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.render import cpe

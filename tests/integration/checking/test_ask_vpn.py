@@ -10,7 +10,7 @@ from matrix_stand import SERVER, Vpn, vpn
 from own_asked import GATEWAY, check, findings, inside
 
 from atlantis_netcfg.checklist.probes import Answer, Judged, LinkStatusResult, Rows
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 
 pytestmark = pytest.mark.namespace
 SHIPPED = load(Path(__file__).parents[3] / "inventory")

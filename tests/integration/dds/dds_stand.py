@@ -23,7 +23,7 @@ from matrix_papers import host
 from matrix_stand import Vpn, vpn
 from waiting import wait_until
 
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 
 GATEWAY, ROUTER, CENTRE = "gateway", "router", "centre"
 DEFAULT_DOMAIN = 12

@@ -19,9 +19,9 @@ from pathlib import Path
 import pytest
 from dds_stand import CENTRE, DEFAULT_DOMAIN, GATEWAY, Participant, Stand, Tunnelled, routed, speak, tunnelled
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Dds, DdsPath, RosDistribution
 from atlantis_netcfg.gateway.dds import GAP_S, ProfileView, profile_views, profiles
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Dds, DdsPath, RosDistribution
 
 PROGRAMS = Path(__file__).with_name("programs")
 SHIPPED = Path(__file__).parents[3] / "inventory"

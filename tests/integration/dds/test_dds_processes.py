@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Dds, RosDistribution
 from atlantis_netcfg.gateway.dds import profile_views, profiles
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import Dds, RosDistribution
 
 pytestmark = [
     pytest.mark.slow,

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from engine_bench import PASSWORD, Bench, leases, on
 
-from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink, User
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router

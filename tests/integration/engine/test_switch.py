@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from engine_bench import Bench, on
 
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Switch
 from atlantis_netcfg.emulator.routeros import ManagementSpec, Radio
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import Switch
 from atlantis_netcfg.render import switch
 from atlantis_netcfg.routeros import Status
 

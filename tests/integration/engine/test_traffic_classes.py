@@ -5,9 +5,9 @@ from pathlib import Path
 
 from engine_bench import PASSWORD, Bench, on
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import TrafficClass
 from atlantis_netcfg.emulator.routeros import User
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import TrafficClass
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status

@@ -12,7 +12,7 @@ from quay_world import World, shipped
 from atlantis_netcfg.emulator.routeros.spec import DeviceMode, DeviceModeName
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration.model import Failover
+    from atlantis_netcfg.inventory.model import Failover
 
 VERSIONS = ("7.16", "7.18.2", "7.21.5")
 HOLD_DOWN_S, FAIL_BACK_S, PROBE_S = 20, 120, 30

@@ -13,7 +13,7 @@ from quay_world import INVENTORY, World, shipped
 
 from atlantis_netcfg import rsc
 from atlantis_netcfg.bearers.standing import TrafficSource
-from atlantis_netcfg.declaration import InventoryInvalid, load
+from atlantis_netcfg.inventory import InventoryInvalid, load
 from atlantis_netcfg.operations.standing import standing_traffic
 from atlantis_netcfg.render import router, router_view
 

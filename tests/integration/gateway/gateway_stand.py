@@ -17,8 +17,8 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from debian_trees import GATEWAY
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
+from atlantis_netcfg.inventory import load
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 FREE_CLOCK = "[Unit]\nConditionCapability=\n[Service]\nExecStart=\nExecStart=!/usr/sbin/chronyd -x\n"

@@ -11,10 +11,10 @@ from typing import Any
 from gateway_stand import SHIPPED, Start
 from waiting import wait_until
 
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import Retrieval, ServerComputer
 from atlantis_netcfg.emulator.lab import Lab, Machine
 from atlantis_netcfg.gateway.retrieval import PROGRAM, SERVICE, retrieval
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import Retrieval, ServerComputer
 
 GATEWAY, CENTRE = "coastal-gateway", "scc-control"
 FOLDER, KEPT = "/var/lib/svc-recording", f"/srv/recordings/{GATEWAY}"

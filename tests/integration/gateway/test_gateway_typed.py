@@ -15,10 +15,10 @@ from gateway_role import NAME, ROOT
 from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from test_gateway_voyage import Voyage, served
 
-from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.emulator.lab.stubs import StubArchive
 from atlantis_netcfg.emulator.lab.stubs.interop import GitServer
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.request import Request
 from bench.declared import Declared
 

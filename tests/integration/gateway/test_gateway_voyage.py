@@ -20,9 +20,9 @@ from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, make
 from atlantis_netcfg.bundle.manifest import Keys, Manifest
 from atlantis_netcfg.bundle.open import open_bundle
 from atlantis_netcfg.bundle.requirements import read_target
-from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
 from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, GitServer, make_interop, serve_git
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.bundle import wish_of
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.vpn.rehearsed import identities

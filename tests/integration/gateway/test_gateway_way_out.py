@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Gateway, GatewayAccessPoint
 from atlantis_netcfg.gateway.base import gateway_base
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import Gateway, GatewayAccessPoint
 
 pytestmark = [
     pytest.mark.slow,

@@ -15,7 +15,7 @@ from atlantis_netcfg.operations import retrieve_rehearsed
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
 
 pytestmark = [
     pytest.mark.slow,

@@ -5,9 +5,9 @@ from gateway_stand import Start, ground, machine, technician  # noqa: F401 - fix
 from retrieval_stand import BAGS, COLLECTED, MB, ROBOT, Ends, ends
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.declaration.model import RetrievalRobot
 from atlantis_netcfg.emulator.lab import Lab, Machine
 from atlantis_netcfg.gateway.retrieval import line_for_robot
+from atlantis_netcfg.inventory.model import RetrievalRobot
 from atlantis_netcfg.operations.retrieve import RetrievalStatus, source_at
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

@@ -18,9 +18,9 @@ import pytest
 from gateway_stand import NETWORK, ROUTER, SHIPPED, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from waiting import wait_until
 
-from atlantis_netcfg.declaration.model import DdsPath
-from atlantis_netcfg.declaration.robots.reading import load_robots
 from atlantis_netcfg.emulator.lab import Lab, Machine
+from atlantis_netcfg.inventory.model import DdsPath
+from atlantis_netcfg.inventory.robots.reading import load_robots
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.robots_remote import VENV, ListeningFailed, listen_there
 from atlantis_netcfg.robots.observation import judge

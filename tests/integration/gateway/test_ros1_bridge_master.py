@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from waiting import HANG_S, wait_until
 
-from atlantis_netcfg.declaration.model import Ros1Bridge
 from atlantis_netcfg.gateway.ros1_bridge import ros1_bridge
+from atlantis_netcfg.inventory.model import Ros1Bridge
 
 pytestmark = [
     pytest.mark.namespace,

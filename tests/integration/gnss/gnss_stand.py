@@ -15,7 +15,7 @@ from ports import held_port
 from atlantis_netcfg.checklist.probes import Answer, Judged, Listen, Place
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation, StreamGps
 from atlantis_netcfg.checklist.runner import ask_here
-from atlantis_netcfg.declaration.model import Geofence, GpsDriver
+from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 
 _DEBIAN = Path(__file__).parents[3] / ".venv-setup" / "debian"
 """`make test` has unpacked the packages there."""

@@ -12,8 +12,8 @@ from pathlib import Path
 from gnss_stand import Asked, codes, environment, gpsd, judged, program, started, until_it_listens
 from ports import held_port
 
-from atlantis_netcfg.declaration.model import GpsDriver
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd, RunningNmea
+from atlantis_netcfg.inventory.model import GpsDriver
 
 VIANA = (
     "$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63",

@@ -4,8 +4,8 @@ from contextlib import ExitStack
 
 from gnss_stand import Asked, codes, judged
 
-from atlantis_netcfg.declaration.model import GpsDriver
 from atlantis_netcfg.emulator.gnss import GnssAccess, GnssSpec, RunningGpsd, RunningNmea, RunningNmeaPort, Speech
+from atlantis_netcfg.inventory.model import GpsDriver
 
 GPSD, TCP, SERIAL = GpsDriver.GPSD, GpsDriver.NMEA_TCP, GpsDriver.NMEA_SERIAL
 

@@ -116,7 +116,7 @@ from pathlib import Path
 from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.checklist.plan import plan
 from atlantis_netcfg.checklist.plan import drawing
-from atlantis_netcfg.declaration.loading import load
+from atlantis_netcfg.inventory.loader import load
 from atlantis_netcfg.gateway.dds import profile_views
 from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.vpn.client import site_link
@@ -136,7 +136,7 @@ print(json.dumps({
 
 
 def test_a_kind_of_bearer_is_a_row_of_one_table(product: Copy) -> None:
-    model = "atlantis_netcfg/declaration/model/site.py"
+    model = "atlantis_netcfg/inventory/model/site.py"
     product.replace(model, '    ETHERNET = "ethernet"\n', '    ETHERNET = "ethernet"\n    LEO = "leo"\n')
     row = "    BearerKind.ETHERNET: BearerTraits("
     product.replace(

@@ -14,9 +14,9 @@ from blocks_fake import LoopCard, Tree, loop
 from image_made import ROOT_AT, disk, tree
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.image.ext4 import Ext4
 from atlantis_netcfg.image.plan import customise
+from atlantis_netcfg.inventory import load
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 SERIAL = "20090516388200"
@@ -67,7 +67,7 @@ def desk(
 ) -> Iterator[Desk]:
     declared = load(SHIPPED)
     real = replace(declared, pilot=declared.pilot.model_copy(update={"example_values": False}))
-    monkeypatch.setattr("atlantis_netcfg.declaration.load", lambda root: load(root) if root == SHIPPED else real)
+    monkeypatch.setattr("atlantis_netcfg.inventory.load", lambda root: load(root) if root == SHIPPED else real)
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     with loop(tmp_path / "behind", SIZE, OLD) as card:

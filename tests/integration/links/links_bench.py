@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.declaration import Declaration, Host, choose, load
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, SiteSpec, TwinSpec
+from atlantis_netcfg.inventory import Declaration, Host, choose, load
 from atlantis_netcfg.operations.kinds import handled, is_unit
 from atlantis_netcfg.operations.links.look import LinksStatus, look
 from atlantis_netcfg.operations.lte.run import perform as perform_lte

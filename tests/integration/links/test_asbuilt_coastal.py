@@ -16,8 +16,8 @@ from atlantis_netcfg.asbuilt.look import SiteLook
 from atlantis_netcfg.asbuilt.record import AsBuiltRecord, DeviceRecord, Link, Origin, ReadState, compared
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.declaration import choose
-from atlantis_netcfg.declaration.model import NumberMask
+from atlantis_netcfg.inventory import choose
+from atlantis_netcfg.inventory.model import NumberMask
 from atlantis_netcfg.journal import utc_now
 
 pytestmark = pytest.mark.slow

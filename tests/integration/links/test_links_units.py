@@ -11,9 +11,9 @@ import pytest
 from links_bench import Bench, bench, block, inventory, masked
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec, TwinSpec
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.lte.run import perform
 from atlantis_netcfg.operations.request import Target

@@ -24,8 +24,8 @@ import preforked
 import pytest
 from ansible.parsing.vault import VaultLib, VaultSecret
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite, User
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.site import perform

@@ -18,8 +18,8 @@ import preforked
 import pytest
 from quay import _VAULT, PROVISION, _inventory, _namespace, _pump
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.rehearsal import factory_spec
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

@@ -8,7 +8,7 @@ import pytest
 from quay import CHECKOUT
 from test_rehearsal import provision
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.journal import SiteLock, Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal
 from atlantis_netcfg.operations.site import perform

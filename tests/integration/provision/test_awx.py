@@ -12,7 +12,7 @@ import pytest
 import yaml
 from quay import CHECKOUT
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal
 
 RUNNER = str(Path(sys.executable).with_name("ansible-runner"))

@@ -12,8 +12,8 @@ from typing import Any
 import preforked
 import pytest
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import SpawnedSite
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.journal import RunResumed, SiteLock, Store
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal, site_spec
 from atlantis_netcfg.operations.request import Target

@@ -17,7 +17,7 @@ from quay import PROVISION, ROUTER, Quay, quay
 from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.allow_list_test import site
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
 from atlantis_netcfg.operations.allow_list_test.prove import ProofPace

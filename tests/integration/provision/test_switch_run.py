@@ -9,7 +9,7 @@ from typing import Any
 import preforked
 import pytest
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.kinds import handled
 
 CHECKOUT = Path(__file__).parents[3]

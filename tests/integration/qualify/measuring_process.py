@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "qualify"))
 
 from example_runs import measured_run
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard

@@ -26,7 +26,7 @@ from matrix_papers import host
 from matrix_stand import CENTRE, NET, _cable, _ip, _namespace, vpn
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.qualify import plan, run
 from atlantis_netcfg.operations.qualify.far_end import far_end_of
 from atlantis_netcfg.operations.qualify.run import TUNNEL_MTU, LinkRun

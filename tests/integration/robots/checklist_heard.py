@@ -9,7 +9,7 @@ from pathlib import Path
 from atlantis_netcfg.checklist import Scope, plan
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.checklist.runner import RealEars, examine
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.request import Mode, Request
 
 

@@ -17,9 +17,9 @@ from cyclonedds.topic import Topic
 
 from atlantis_netcfg.checklist.probes import Answer, Cell, RobotsHeardResult, VpnMember, VpnMembersResult, integration
 from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.robots.key_names import KeyNames
-from atlantis_netcfg.declaration.robots.reading import RobotSource, read_declared, read_published, robot_files
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.robots.key_names import KeyNames
+from atlantis_netcfg.inventory.robots.reading import RobotSource, read_declared, read_published, robot_files
 from atlantis_netcfg.robots import mock
 from atlantis_netcfg.robots.message_types import MessageTypes
 from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import liars
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import DdsPath
-from atlantis_netcfg.declaration.robots.key_names import KeyNames
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import DdsPath
+from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.robots.mock import MockRobot
 from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.robots import MockPlace, computers_of, mock
 from atlantis_netcfg.robots.mock import MockRobot
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from test_robots_on_the_network import PROVISION, alone, pytestmark  # noqa: F401 - it marks this file as well
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 KNOWN = {

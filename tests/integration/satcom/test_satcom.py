@@ -13,8 +13,8 @@ from pathlib import Path
 from satcom_campaign import CERTUS, campaign, cells
 from satcom_page import page
 
-from atlantis_netcfg.declaration.model import Pace
 from atlantis_netcfg.gateway.dds import TUNING
+from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.operations.link_shapes import replayed
 from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile
 

@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 
 from atlantis_netcfg import rsc
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.render import RouterView, router, router_view
 from atlantis_netcfg.rsc import Export
 

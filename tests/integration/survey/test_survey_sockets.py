@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.qualify.samples import Sample
     from atlantis_netcfg.survey.points import SurveyPoint
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from gnss_stand import environment, program
 from ports import held_port
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.coverage import out_and_back, two_masts
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.lte.units import emulated_units

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import Gateway, VpnServer
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import Gateway, VpnServer
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link

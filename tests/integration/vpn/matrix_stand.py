@@ -23,8 +23,8 @@ from matrix_papers import issued, write
 from slow_link import SATELLITE, Link, open_in
 from waiting import HANG_S
 
-from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.emulator.udp_link import LinkShape
+from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.vpn import server as product
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest

@@ -17,7 +17,7 @@ from matrix_probe import Probes
 from matrix_stand import CENTRE, ROUTER, SERVER, vpn
 from waiting import HANG_S
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.vpn import server as product
 from atlantis_netcfg.vpn.identity import CertificateStatus, MemberKind, MembershipList
 from atlantis_netcfg.vpn.policy import TABLE, policy

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 from waiting import wait_until
 
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.vpn import pki, server
 from atlantis_netcfg.vpn.enrolment_package.profile import server_name
 from atlantis_netcfg.vpn.identity import (

@@ -20,7 +20,7 @@ from clients_stand import (
     made_stand,
 )
 
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import Identity, KeyType, Wrap

@@ -24,8 +24,8 @@ from local_link import LocalLink
 from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Transport, VpnServer, VpnService
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames

@@ -20,9 +20,9 @@ from debian_trees import GATEWAY
 from waiting import wait_until
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
 from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, join
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn.members import server_names
 from atlantis_netcfg.vpn import pki

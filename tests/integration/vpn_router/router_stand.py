@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity

@@ -13,7 +13,7 @@ from atlantis_netcfg.asbuilt.record import (
     PortRecord,
     ReadState,
 )
-from atlantis_netcfg.declaration.model import NumberMask
+from atlantis_netcfg.inventory.model import NumberMask
 
 AT = datetime(2026, 11, 25, 10, 0, tzinfo=UTC)
 LATER = AT + timedelta(days=1)

@@ -13,7 +13,7 @@ from atlantis_netcfg.asbuilt.record import DeviceRecord, Link, Origin, ReadState
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Trouble
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.reading_programs import allowed
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.request import Request
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from atlantis_netcfg.asbuilt.paper import labels_of, labels_pdf, pdf
 from atlantis_netcfg.asbuilt.record import Fact, Origin, compared
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import AsBuilt
+from atlantis_netcfg.inventory.model import AsBuilt
 
 DIGEST = "0123456789abcdef" * 4
 PLACE = "real/coastal/asbuilt/20261125T100000Z"

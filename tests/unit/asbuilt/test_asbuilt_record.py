@@ -19,7 +19,7 @@ from atlantis_netcfg.asbuilt.record import (
     report_tables,
 )
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.declaration.model import NumberMask
+from atlantis_netcfg.inventory.model import NumberMask
 from atlantis_netcfg.journal import JournalFailed, StateDamaged
 
 NUMBER = "001017000001234"

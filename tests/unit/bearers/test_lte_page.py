@@ -5,8 +5,8 @@ from pathlib import Path
 
 import yaml
 
-from atlantis_netcfg.declaration.model import LteDriver
-from atlantis_netcfg.declaration.rules.lte import FIELDS
+from atlantis_netcfg.inventory.model import LteDriver
+from atlantis_netcfg.inventory.rules.lte import FIELDS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "4g.md").read_text(encoding="utf-8")
 

@@ -9,7 +9,7 @@ import pytest
 
 from atlantis_netcfg.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, wish_of
 from atlantis_netcfg.operations.computers.parts import PARTS, Part
 from atlantis_netcfg.operations.request import Request

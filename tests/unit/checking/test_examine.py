@@ -35,8 +35,8 @@ from atlantis_netcfg.checklist.probes import (
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase
 from atlantis_netcfg.checklist.runner import OnAnswer, Questions, _run, examine, telling
 from atlantis_netcfg.core.events import Event, Stage, Verdict
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import REFLECTOR_PORT
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import REFLECTOR_PORT
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 NOW = datetime(2026, 5, 4, 10, 30, tzinfo=UTC)

@@ -18,7 +18,7 @@ from atlantis_netcfg.checklist.runner import NotReached, RealEars, _real, _way_i
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.events import Event, Verdict
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.allow_list_test.prove import Proof
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.links.look import LinksStatus as LooksBack

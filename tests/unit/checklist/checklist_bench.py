@@ -9,7 +9,7 @@ from atlantis_netcfg.checklist import Book, BookHead, Checklist, Confirmation, P
 from atlantis_netcfg.checklist.probes import Answer, Cell, Consent, Judged, Question, Step
 from atlantis_netcfg.checklist.report import Document, Drawing, Item, ItemKind, Phase, Row
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 
 NAME = "A. Technician"
 WIFI, FAILSAFE, PING, USBL, DHCP, SKIPPED = EVERY = (

@@ -25,8 +25,8 @@ from atlantis_netcfg.checklist.probes.step import Place
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import ChecklistSettings, Role, VehicleChecklist
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import ChecklistSettings, Role, VehicleChecklist
 
 ROOT = Path(__file__).parents[3]
 NAME = "A. Technician"

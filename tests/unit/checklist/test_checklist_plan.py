@@ -15,8 +15,8 @@ from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import registry
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import Column, Endpoints
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import Column, Endpoints
 
 ROOT = Path(__file__).parents[3]
 ANSWERS = ROOT / "tests" / "data" / "answers" / "coastal.yml"

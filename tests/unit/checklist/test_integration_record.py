@@ -14,8 +14,8 @@ from atlantis_netcfg.checklist.report import Document, ItemKind, Phase, lines, p
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import VehicleChecklist
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import VehicleChecklist
 
 ROOT = Path(__file__).parents[3]
 PROBED = ("vpn", "discovery", "booleans", "numbers", "pose", "gps", "images")

@@ -25,7 +25,7 @@ from atlantis_netcfg.checklist.runner import OnAnswer
 from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Price, Prompt, shown
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 
 NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
 

@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted, doubt_of_name
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import EvidenceKind
+from atlantis_netcfg.inventory.model import EvidenceKind
 
 WELL = "PASS hears the boat"
 

@@ -11,7 +11,7 @@ from atlantis_netcfg.checklist.probes.step import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.cli._checklist_workflow import PromptAborted
 from atlantis_netcfg.core import language
-from atlantis_netcfg.declaration.model import EvidenceKind
+from atlantis_netcfg.inventory.model import EvidenceKind
 
 NUMBER = EvidenceRequest(EvidenceKind.NUMBER, "V", 14.8, 16.8)
 

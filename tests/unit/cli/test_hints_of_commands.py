@@ -17,7 +17,7 @@ from atlantis_netcfg.cli import _checklist_session, _commands, _session, main
 from atlantis_netcfg.cli._commands import COMMANDS
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.report.run import RunReport
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Dds
 from atlantis_netcfg.gateway.dds import ProfileView, profile_views, profiles
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Dds
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 

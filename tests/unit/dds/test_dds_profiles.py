@@ -7,9 +7,9 @@ import pytest
 from dds_pilots import leaves, pilot, view
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import BearerKind, Dds, DdsPath, DdsPeer, Pace, RosDistribution, RosMiddleware
 from atlantis_netcfg.gateway.dds import GAP_S, RELEASES, TUNING, profile_views, profiles
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import BearerKind, Dds, DdsPath, DdsPeer, Pace, RosDistribution, RosMiddleware
 
 CYCLONE = "CycloneDDS/Domain"
 """The elements below are those of the schema `etc/cyclonedds.xsd` of 0.7, 0.10.5 and 11.0.1."""

@@ -11,7 +11,7 @@ from laptop_network import lines
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.journal import Outcome, RunEnded, RunStarted, Store
 from atlantis_netcfg.operations.doctor import folders, keys
 

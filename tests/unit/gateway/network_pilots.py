@@ -4,8 +4,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from atlantis_netcfg.declaration import Declaration, Host, load
-from atlantis_netcfg.declaration.model import AddressBy, ComputerNetwork, Gateway, NetworkTool
+from atlantis_netcfg.inventory import Declaration, Host, load
+from atlantis_netcfg.inventory.model import AddressBy, ComputerNetwork, Gateway, NetworkTool
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 HOST = "coastal-gateway"

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Dds, RosDistribution
 from atlantis_netcfg.gateway.dds import LOGIN, GatewayDds, gateway_dds
 from atlantis_netcfg.gateway.services import ENVIRONMENT
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Dds, RosDistribution
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request
 

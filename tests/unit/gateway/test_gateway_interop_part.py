@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import InteropService
 from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.interop import SERVICE, gateway_interop
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import InteropService
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from checks import test_gateways as suite
 from checks.gateway_promises import BUILT, FileThere, Promises, UnitThere
 from checks.gateway_reached import Answers, NotReached, ask

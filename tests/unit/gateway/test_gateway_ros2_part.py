@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Dds, Gateways, Ros2, RosDistribution, RosMiddleware, RosOrigin
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, publish
 from atlantis_netcfg.gateway.ros2 import RELEASES, ArchiveKey, GatewayRos2, StandIn, archive_key, gateway_ros2
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Dds, Gateways, Ros2, RosDistribution, RosMiddleware, RosOrigin
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

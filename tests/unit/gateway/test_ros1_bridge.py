@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Gateway, Ros1Bridge, Ros2
 from atlantis_netcfg.emulator.lab.stubs import publish, ros_packages
 from atlantis_netcfg.gateway import containers, services
 from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.ros1_bridge import SERVICE, packages, ros1_bridge
 from atlantis_netcfg.gateway.ros2 import ArchiveKey, StandIn, gateway_ros2
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Gateway, Ros1Bridge, Ros2
 from atlantis_netcfg.operations.bundle import wish_of
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import HostedService, Ros1Bridge, ServerComputer
 from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
 from atlantis_netcfg.gateway.containers import PACKAGES, within_budget
 from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.services import BRIDGE
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import HostedService, Ros1Bridge, ServerComputer
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 CENTRE = "scc-control"

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import DdsPath
 from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
 from atlantis_netcfg.gateway.dds_link import SERVICE, links_without_dds
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import DdsPath
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 UNIT = f"/etc/systemd/system/{SERVICE}"

@@ -13,8 +13,6 @@ from waiting import HANG_S
 
 from atlantis_netcfg.checklist.probes.agent.main import reflect
 from atlantis_netcfg.checklist.probes.agent.streams import ProbeError
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import REFLECTOR_PORT, ServerComputer
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.reflector import (
     PROGRAM,
@@ -26,6 +24,8 @@ from atlantis_netcfg.gateway.reflector import (
     far_end,
     reflector,
 )
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ServerComputer
 
 CHECKOUT = Path(__file__).parents[3]
 SHIPPED = load(CHECKOUT / "inventory")

@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import HostedService, ServerComputer, VpnService
 from atlantis_netcfg.emulator.lab.stubs import service_program
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.parts import Configuration
 from atlantis_netcfg.gateway.services import LIST, services
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import HostedService, ServerComputer, VpnService
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 CENTRE = "scc-control"

@@ -219,7 +219,7 @@ ELSEWHERE = {
     "operations/retrieve_rehearsed.py": 4,
     # Into a folder that is new and ours: the draft of a bundle, the draft of an inventory.
     "bundle/build.py": 3,
-    "declaration/new_inventory/writing.py": 1,
+    "inventory/new_inventory/writing.py": 1,
     # Emulated machines and their programs: root file systems and logs in folders of their own.
     "emulator/lab/hosts.py": 3,
     "emulator/lab/lab.py": 1,
@@ -228,8 +228,8 @@ ELSEWHERE = {
     "emulator/routeros/running.py": 1,
     "emulator/ssh.py": 1,
     # Tools of the checkout write its pages, which are in git.
-    "declaration/json_schema.py": 1,
-    "declaration/key_reference.py": 1,
+    "inventory/json_schema.py": 1,
+    "inventory/key_reference.py": 1,
     # Programs of a gateway, in Python's standard library alone, in folders of root or new ones.
     f"{BOARD}/module_utils/apt_run.py": 1,
     f"{BOARD}/module_utils/build_git.py": 3,

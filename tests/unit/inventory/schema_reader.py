@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 from jsonschema import Draft202012Validator
 
-from atlantis_netcfg.declaration.json_schema import FOLDER
+from atlantis_netcfg.inventory.json_schema import FOLDER
 
 _MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
 

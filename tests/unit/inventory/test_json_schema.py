@@ -6,7 +6,7 @@ import yaml
 from row_subtests import for_each_row
 from schema_reader import files, problems, schema_of
 
-from atlantis_netcfg.declaration import json_schema
+from atlantis_netcfg.inventory import json_schema
 
 CHECKOUT = Path(__file__).parents[3]
 SHIPPED = CHECKOUT / "inventory"
@@ -33,7 +33,7 @@ def seen(case: str, folder: Path) -> str:
 
 def test_the_shipped_schemas_are_those_of_the_model() -> None:
     shipped = {path.name: path.read_text(encoding="utf-8") for path in (SHIPPED / json_schema.FOLDER).iterdir()}
-    assert shipped == json_schema.texts(), "write them: python -m atlantis_netcfg.declaration.json_schema"
+    assert shipped == json_schema.texts(), "write them: python -m atlantis_netcfg.inventory.json_schema"
 
 
 @for_each_row("path", files(SHIPPED), ids=lambda path: path.stem)

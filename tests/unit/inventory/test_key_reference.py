@@ -1,9 +1,9 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration import _schema
-from atlantis_netcfg.declaration.key_reference import text
-from atlantis_netcfg.declaration.model import Partner, Pilot, Site, Vehicle
+from atlantis_netcfg.inventory import _schema
+from atlantis_netcfg.inventory.key_reference import text
+from atlantis_netcfg.inventory.model import Partner, Pilot, Site, Vehicle
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -14,7 +14,7 @@ ROWS = [[cell.strip() for cell in line.split(" | ")] for line in PAGE.splitlines
 
 
 def test_the_page_is_what_the_model_makes() -> None:
-    assert text(CHECKOUT / "inventory") == PAGE, "write it: python -m atlantis_netcfg.declaration.key_reference"
+    assert text(CHECKOUT / "inventory") == PAGE, "write it: python -m atlantis_netcfg.inventory.key_reference"
 
 
 def test_every_row_has_a_type_a_default_a_meaning_and_an_example() -> None:

@@ -13,10 +13,10 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.inventory import _encrypt
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers, LteAnswers, PilotAnswers, SiteAnswers
-from atlantis_netcfg.declaration.new_inventory.questions import Interview, Question, wrong
-from atlantis_netcfg.declaration.new_inventory.yaml_text import Tree, Value, Vaulted, document
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers, LteAnswers, PilotAnswers, SiteAnswers
+from atlantis_netcfg.inventory.new_inventory.questions import Interview, Question, wrong
+from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, Vaulted, document
 from atlantis_netcfg.operations.vault import Vault
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.declaration import Declaration, Host
+from atlantis_netcfg.inventory import Declaration, Host
 from atlantis_netcfg.journal import (
     LayerSent,
     NoSuchRun,

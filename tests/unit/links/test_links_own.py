@@ -8,7 +8,7 @@ import pytest
 
 from atlantis_netcfg.bearers import LinkState
 from atlantis_netcfg.bearers.wifi import Family, read
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.links import look as looking
 from atlantis_netcfg.operations.links.status import BoxesStatus, RadioLook, Silent, of_bridge
 

@@ -15,9 +15,9 @@ from atlantis_netcfg.bearers.lte.rutos_read import read
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.events import Verdict, ignore
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import LteRouter
 from atlantis_netcfg.emulator.rutos import Rutos
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import LteRouter
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.lte.assumptions import ASSUMPTIONS, judge
 from atlantis_netcfg.operations.verifying import Verifying, written

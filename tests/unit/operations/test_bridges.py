@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations.schedule import bridges
 
 BOTH = ["coastal-cpe", "scc-cpe"]

@@ -8,11 +8,11 @@ import pytest
 import yaml
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.callback.computers import GROUPS
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration._hosts import KIND_GROUPS
-from atlantis_netcfg.declaration._schema import DEVICES
-from atlantis_netcfg.declaration.model import ControlCentre, Gateway, Model, OperatorStation, SshHost, VpnServer
 from atlantis_netcfg.gateway.base import gateway_base
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory._hosts import KIND_GROUPS
+from atlantis_netcfg.inventory._schema import DEVICES
+from atlantis_netcfg.inventory.model import ControlCentre, Gateway, Model, OperatorStation, SshHost, VpnServer
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.desired_state import perform
 from atlantis_netcfg.operations.computers.parts import ACCESS, KINDS, PARTS, concerns

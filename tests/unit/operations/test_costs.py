@@ -16,9 +16,9 @@ from atlantis_netcfg.cli._commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration import load as load_inventory
-from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory import load as load_inventory
+from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import CostCounted, NoJournal, Record, Store
 from atlantis_netcfg.operations import Mode, Request, Target, site
 from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, ports_of, ways_of

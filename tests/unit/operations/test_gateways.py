@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.journal import SiteBusy, Store
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._watch import Watch

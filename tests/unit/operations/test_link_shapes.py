@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Bearer, LinkGap
 from atlantis_netcfg.emulator.udp_link import DrawnGap, LinkShape
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import Bearer, LinkGap
 from atlantis_netcfg.operations.link_shapes import Replay, link_shapes, open_replay, shapes_to
 from atlantis_netcfg.operations.rehearsal import link, site_spec
 from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile, ProfileGap, write_profile

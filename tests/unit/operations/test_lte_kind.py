@@ -8,8 +8,8 @@ import pytest
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Host, load
-from atlantis_netcfg.declaration.model import LteDriver, LteRouter, Sim
+from atlantis_netcfg.inventory import Host, load
+from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Sim
 from atlantis_netcfg.journal import NoJournal, Store
 from atlantis_netcfg.operations import Request, Target
 from atlantis_netcfg.operations.jobs import device_job

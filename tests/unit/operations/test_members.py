@@ -8,8 +8,8 @@ import pytest
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import Cpe, SignalBounds
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import Cpe, SignalBounds
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.rehearsal import site_spec

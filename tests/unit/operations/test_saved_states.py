@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.journal import ActionsConfirmed, NoSuchRun, Run, RunStarted, Store
 from atlantis_netcfg.operations.restore import confirmed_state
 from atlantis_netcfg.operations.saved_states import before_resuming, before_rollback, hosts_of_run, saved_run

@@ -8,8 +8,8 @@ import pytest
 
 from atlantis_netcfg.bearers.standing import DAY_S, StandingFlow, TrafficSource
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import (
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import (
     Billing,
     Dds,
     DdsPath,

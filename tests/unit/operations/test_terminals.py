@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.journal import StateDamaged, Store
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.operations.terminals import is_terminal, look, perform

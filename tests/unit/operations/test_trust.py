@@ -9,8 +9,8 @@ import pytest
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Gateway
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Gateway
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS

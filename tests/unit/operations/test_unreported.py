@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, LayerSent, Outcome, RunResumed, RunStarted, Store
 from atlantis_netcfg.journal.records import Record
 from atlantis_netcfg.operations import Mode, Request

@@ -11,7 +11,7 @@ import yaml
 from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState
 from atlantis_netcfg.core.errors import TRUST, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.link_use import (
     LinkNotFit,

@@ -8,7 +8,7 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.desired_state import perform
 from atlantis_netcfg.operations.computers.parts import PARTS, concerns, refuse_unfounded

@@ -21,7 +21,7 @@ from atlantis_netcfg.console.ssh import PinnedKey
 from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import AllowedTarget
+from atlantis_netcfg.inventory.model import AllowedTarget
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.allow_list_test.plan import read
 from atlantis_netcfg.operations.terminals import look

@@ -8,9 +8,9 @@ from example_runs import measured_run, samples_text
 from simulated_network import KEY, SECOND, Recording, network, run_train, unlimited
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import LinkThresholds
 from atlantis_netcfg.emulator.udp_link import LinkShape
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import LinkThresholds
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
 from atlantis_netcfg.operations.qualify.way import TunnelTraffic, judge_tunnel, judge_way

@@ -11,8 +11,8 @@ from example_runs import BEGUN, idle_text, measured_run, put_run, samples_text
 
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import KEY_OCTETS, LinkThresholds, Qualify, TelemetryTopic, ThresholdsName
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import KEY_OCTETS, LinkThresholds, Qualify, TelemetryTopic, ThresholdsName
 from atlantis_netcfg.journal import NoSuchRun, Store
 from atlantis_netcfg.operations.fit import LinkFit, VehicleFit, fits_nowhere, vehicle_fit
 from atlantis_netcfg.operations.link_capacity import USABLE

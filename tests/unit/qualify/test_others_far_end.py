@@ -8,8 +8,8 @@ import pytest
 from simulated_network import SECOND, SimulatedNetwork, network
 
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import AllowedTarget, Transport
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import AllowedTarget, Transport
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, far_end_of
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement

@@ -15,9 +15,9 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._arguments import Arguments
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Bearer, LinkThresholds, Transport
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import Bearer, LinkThresholds, Transport
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.far_end import (

@@ -7,8 +7,8 @@ import pytest
 from example_runs import measured_run
 from simulated_network import KEY, network, unlimited
 
-from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
 from atlantis_netcfg.qualify.measured_run import Selection

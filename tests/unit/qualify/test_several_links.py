@@ -17,9 +17,9 @@ from atlantis_netcfg.bearers.cost import Tariff, bill
 from atlantis_netcfg.cli.qualify import _capped, _preview
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Bearer
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Bearer
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned

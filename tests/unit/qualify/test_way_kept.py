@@ -13,7 +13,7 @@ import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.qualify import run
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd
 from atlantis_netcfg.operations.qualify.run import LinkRun

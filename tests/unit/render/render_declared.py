@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 from pydantic import TypeAdapter
 
-from atlantis_netcfg.declaration.model import Device, Pilot, Router, Site
+from atlantis_netcfg.inventory.model import Device, Pilot, Router, Site
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 GOLDEN = Path(__file__).parent / "golden"

@@ -6,10 +6,10 @@ import pytest
 from render_declared import declaration
 
 from atlantis_netcfg import rsc
-from atlantis_netcfg.declaration.model import Router, RouterAccessPoint
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.spec import Environment, NearbyStation, Radio
+from atlantis_netcfg.inventory.model import Router, RouterAccessPoint
 from atlantis_netcfg.render import router
 
 DRIVERS = {"wifi": ("wifi-qcom", "wifi1"), "wireless": ("wireless", "wlan1")}

@@ -10,7 +10,7 @@ from render_declared import GOLDEN, Declaration, declaration
 from render_walk import Packet, Walk
 
 from atlantis_netcfg import rsc
-from atlantis_netcfg.declaration.model import Cpe, Ptp, PtpProtocol
+from atlantis_netcfg.inventory.model import Cpe, Ptp, PtpProtocol
 from atlantis_netcfg.operations.kinds import ManagedCpe, families
 from atlantis_netcfg.render import RenderError, cpe, cpe_prerequisites, cpe_view
 from atlantis_netcfg.routeros import desired

@@ -10,8 +10,8 @@ from render_walk import Packet, Walk
 
 from atlantis_netcfg import rsc
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import LteDriver, LteRouter, Sim
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, ModemSpec, RouterSpec
+from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Sim
 from atlantis_netcfg.render import RenderError, environment, lte, lte_prerequisites, lte_view
 
 DECLARED = declaration()

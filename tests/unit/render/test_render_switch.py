@@ -8,7 +8,7 @@ import pytest
 from render_declared import Declaration, Host, declaration, with_site
 
 from atlantis_netcfg import rsc
-from atlantis_netcfg.declaration.model import Switch
+from atlantis_netcfg.inventory.model import Switch
 from atlantis_netcfg.render import RenderError, router, switch
 
 if TYPE_CHECKING:

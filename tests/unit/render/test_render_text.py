@@ -8,8 +8,8 @@ from render_declared import GOLDEN, SITES, Declaration, declaration, with_router
 
 import atlantis_netcfg
 from atlantis_netcfg import render, rsc
-from atlantis_netcfg.declaration.model import Forward, Router, Transport
-from atlantis_netcfg.declaration.satellite_allow_list import derived
+from atlantis_netcfg.inventory.model import Forward, Router, Transport
+from atlantis_netcfg.inventory.satellite_allow_list import derived
 from atlantis_netcfg.render import (
     Prerequisite,
     RenderError,

@@ -8,10 +8,10 @@ from render_declared import SITES, declaration
 from test_render_text import parsed
 
 from atlantis_netcfg import rsc
-from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.spec import Radio
+from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.render import prerequisites
 from atlantis_netcfg.rsc import Statement
 

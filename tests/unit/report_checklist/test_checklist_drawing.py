@@ -16,7 +16,7 @@ from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.report import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
 from atlantis_netcfg.checklist.report._shapes import ASCII, DARK, SYMBOLS, TINTS, Badge, DrawnBox, ShownState, Tint
 from atlantis_netcfg.checklist.report._svg import described, layout
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 SVG = "{http://www.w3.org/2000/svg}"

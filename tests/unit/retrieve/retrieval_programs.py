@@ -6,8 +6,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Retrieval, ServerComputer
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Retrieval, ServerComputer
 
 ROOT = Path(__file__).parents[3]
 SHIPPED = load(ROOT / "inventory")

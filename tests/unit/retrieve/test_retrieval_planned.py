@@ -7,9 +7,9 @@ import pytest
 from retrieval_programs import CENTRE, GATEWAY, KEY, SHIPPED, with_retrieval
 
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
-from atlantis_netcfg.declaration.model import RetrievalPriority
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.retrieval import PACKAGES, SERVICE, retrieval
+from atlantis_netcfg.inventory.model import RetrievalPriority
 from atlantis_netcfg.operations import retrieve
 from atlantis_netcfg.operations.retrieve_rehearsed import with_example
 from atlantis_netcfg.operations.site_links import link_of

@@ -12,8 +12,8 @@ from typing import Any
 
 import yaml
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.robots import reading
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.robots import reading
 
 HERE = Path(__file__).parent
 SHIPPED = HERE.parents[2] / "inventory"

@@ -16,9 +16,9 @@ from atlantis_netcfg.cli import _passphrase, main
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration, InventoryInvalid, load
-from atlantis_netcfg.declaration.robots import reading
-from atlantis_netcfg.declaration.robots.key_names import KeyNames
+from atlantis_netcfg.inventory import Declaration, InventoryInvalid, load
+from atlantis_netcfg.inventory.robots import reading
+from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.operations.vault import Vault
 from atlantis_netcfg.operations.vpn.server import NoPush

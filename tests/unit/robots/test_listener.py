@@ -21,8 +21,8 @@ import robot_cases
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.remote_process import ProcessEnded
-from atlantis_netcfg.declaration.robots.key_names import KeyNames
-from atlantis_netcfg.declaration.robots.reading import read_declared
+from atlantis_netcfg.inventory.robots.key_names import KeyNames
+from atlantis_netcfg.inventory.robots.reading import read_declared
 from atlantis_netcfg.operations import robots_remote
 from atlantis_netcfg.operations.robots_remote import ListeningFailed, listen_there
 from atlantis_netcfg.robots import listener

@@ -10,7 +10,7 @@ import robot_cases
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model.robot import TopicKind
+from atlantis_netcfg.inventory.model.robot import TopicKind
 from atlantis_netcfg.robots.listener import dds_type_name, ros_type_name, topic_name
 from atlantis_netcfg.robots.message_types import MessageTypes
 

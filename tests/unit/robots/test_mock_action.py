@@ -9,9 +9,9 @@ from typing import Any, cast
 import pytest
 import robot_cases
 
-from atlantis_netcfg.declaration.model.robot import OfferedAction
-from atlantis_netcfg.declaration.robots.key_names import KeyNames
-from atlantis_netcfg.declaration.robots.reading import read_published
+from atlantis_netcfg.inventory.model.robot import OfferedAction
+from atlantis_netcfg.inventory.robots.key_names import KeyNames
+from atlantis_netcfg.inventory.robots.reading import read_published
 from atlantis_netcfg.robots.message_types import MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
 from atlantis_netcfg.robots.mock_action import MockAction

@@ -10,10 +10,10 @@ from hints_said import advised, said
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration._yaml import SealedSecret
-from atlantis_netcfg.declaration.model.robot import PublishedTopic, Telemetry, Topic, TopicKind
-from atlantis_netcfg.declaration.robots import reading
-from atlantis_netcfg.declaration.robots.key_names import KeyNames
+from atlantis_netcfg.inventory._yaml import SealedSecret
+from atlantis_netcfg.inventory.model.robot import PublishedTopic, Telemetry, Topic, TopicKind
+from atlantis_netcfg.inventory.robots import reading
+from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.operations.robots import ending, seconds_of
 from atlantis_netcfg.robots.mock import RATES_HZ
 from atlantis_netcfg.robots.observation import (

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Reader
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.declaration.robots.key_names import KeyNames
+from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.robots import replay
 from atlantis_netcfg.robots.message_types import MessageTypes

@@ -12,11 +12,11 @@ import pytest
 import robot_cases
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.findings import MOST_SHOWN
-from atlantis_netcfg.declaration.model.robot import CommandKind, TopicKind
-from atlantis_netcfg.declaration.robots import reading
-from atlantis_netcfg.declaration.robots.key_names import KeyNames
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.findings import MOST_SHOWN
+from atlantis_netcfg.inventory.model.robot import CommandKind, TopicKind
+from atlantis_netcfg.inventory.robots import reading
+from atlantis_netcfg.inventory.robots.key_names import KeyNames
 
 CASES = robot_cases.cases()
 SIX = {"girona500", "sparus", "zarco", "stork", "mares", "eca-rov"}

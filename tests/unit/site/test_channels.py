@@ -1,6 +1,6 @@
 import pytest
 
-from atlantis_netcfg.declaration.channels import BANDS, RANGES, WIDTHS, is_channel, legal, why_illegal
+from atlantis_netcfg.inventory.channels import BANDS, RANGES, WIDTHS, is_channel, legal, why_illegal
 
 
 @pytest.mark.parametrize("country", ["portugal", "belgium"])

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.declaration import report, validate
-from atlantis_netcfg.declaration._schema import FALLBACK
+from atlantis_netcfg.inventory import report, validate
+from atlantis_netcfg.inventory._schema import FALLBACK
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 FILES = sorted(path.relative_to(SHIPPED) for path in SHIPPED.rglob("*.yml"))

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-import atlantis_netcfg.declaration
+import atlantis_netcfg.inventory
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration, InventoryInvalid, choose, load, report, rules, validate
-from atlantis_netcfg.declaration.model import Cpe, Router
-from atlantis_netcfg.declaration.rules import management
+from atlantis_netcfg.inventory import Declaration, InventoryInvalid, choose, load, report, rules, validate
+from atlantis_netcfg.inventory.model import Cpe, Router
+from atlantis_netcfg.inventory.rules import management
 from atlantis_netcfg.render import router
 from bench.many import many, name
 
@@ -308,21 +308,21 @@ def test_the_work_grows_with_the_sites_and_not_with_their_square(tmp_path: Path)
 
 
 def test_public_surface() -> None:
-    assert sorted(atlantis_netcfg.declaration.__all__) == [
+    assert sorted(atlantis_netcfg.inventory.__all__) == [
         *("ALL", "Declaration", "Finding", "Host", "InventoryInvalid", "Mark", "choose", "load"),
         *("report", "validate"),
     ]
-    assert all(hasattr(atlantis_netcfg.declaration, name) for name in atlantis_netcfg.declaration.__all__)
+    assert all(hasattr(atlantis_netcfg.inventory, name) for name in atlantis_netcfg.inventory.__all__)
 
 
 def test_unknown_name() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'lode'"):
-        getattr(atlantis_netcfg.declaration, "lode")  # noqa: B009 - mypy knows that it is not there
+        getattr(atlantis_netcfg.inventory, "lode")  # noqa: B009 - mypy knows that it is not there
 
 
 def test_importing_it_imports_nothing_heavy() -> None:
     heavy = "('pydantic', 'yaml', 'jinja2')"
-    program = f"import sys, atlantis_netcfg.declaration; print([m for m in {heavy} if m in sys.modules])"
+    program = f"import sys, atlantis_netcfg.inventory; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

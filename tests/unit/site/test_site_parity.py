@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 import yaml
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration._hosts import KIND_GROUPS
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory._hosts import KIND_GROUPS
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 

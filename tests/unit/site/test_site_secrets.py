@@ -11,11 +11,11 @@ from pydantic import BaseModel
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import InventoryInvalid, _schema, load, report, validate
-from atlantis_netcfg.declaration._yaml import Node
-from atlantis_netcfg.declaration.findings import Mark
-from atlantis_netcfg.declaration.loading import _examine
-from atlantis_netcfg.declaration.model import Partner, Pilot, Site, Vehicle
+from atlantis_netcfg.inventory import InventoryInvalid, _schema, load, report, validate
+from atlantis_netcfg.inventory._yaml import Node
+from atlantis_netcfg.inventory.findings import Mark
+from atlantis_netcfg.inventory.loader import _examine
+from atlantis_netcfg.inventory.model import Partner, Pilot, Site, Vehicle
 
 ROOTS: dict[str, type[BaseModel]] = {
     "pilot": Pilot,

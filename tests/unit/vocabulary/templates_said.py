@@ -10,8 +10,8 @@ from trees import ROOT, TREES, Tree
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, PtpProtocol, RouterAccessPoint, Switch
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import Cpe, LteDriver, LteRouter, PtpProtocol, RouterAccessPoint, Switch
 from atlantis_netcfg.render import (
     CpeView,
     LteView,

@@ -19,8 +19,8 @@ from atlantis_netcfg.core.errors import OutcomeUnknown
 from atlantis_netcfg.core.events import Subscriber
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Guest
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import Guest
 from atlantis_netcfg.operations import guests, inventory_files
 from atlantis_netcfg.operations.vpn.members import Onboarding
 from atlantis_netcfg.operations.vpn.server import Deployed

@@ -21,7 +21,7 @@ from atlantis_netcfg.cli._playbook import PlayOutcome
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.vpn import router
 from atlantis_netcfg.operations.vpn.server import Deployed, NoPush

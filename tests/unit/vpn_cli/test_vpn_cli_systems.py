@@ -11,8 +11,8 @@ from vpn_desk import NOBODY, PASSPHRASE, Desk, declared, onboarding, seated
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import OpenVpnVersion, RosDistribution
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import OpenVpnVersion, RosDistribution
 from atlantis_netcfg.vpn import systems
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, MemberKind, Wrap

@@ -15,7 +15,7 @@ import pytest
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 
 PASSPHRASE = "mackerel-lantern-orbit-velvet"
 NOBODY = "age1ql3z7hjy54pw3hyww5ayyfg7zqgvc7w3j2elw8zmrj2kg5sfn9aqmcac8p"

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import BearerKind, Transport
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import BearerKind, Transport
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, SERVICE, openvpn_client, site_link
 from atlantis_netcfg.vpn.identity import MemberLink
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Transport
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.certificates import OvpnRefused, read_ovpn
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Transport
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.routeros import RouterTooOld, check_version

@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import RosDistribution
+from atlantis_netcfg.inventory.model import RosDistribution
 from atlantis_netcfg.vpn.identity import (
     Certificate,
     CertificateStatus,

@@ -11,8 +11,8 @@ import pytest
 from handout_mint import Wanted, identity
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import RosDistribution
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import RosDistribution
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.enrolment_package.page import reach
 from atlantis_netcfg.vpn.identity import ClientSystem, KeyType, MemberKind, MemberLink, MembershipList, Wrap

@@ -8,7 +8,7 @@ import pytest
 from handout_mint import Wanted, identity
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.vpn.enrolment_package.profile import NotAnIdentity, identity_file, profile, read_identity
 from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
 

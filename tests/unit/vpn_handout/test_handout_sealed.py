@@ -17,7 +17,7 @@ from handout_mint import Wanted, identity
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.vpn import enrolment_package as handouts
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package import (

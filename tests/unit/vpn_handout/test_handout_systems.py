@@ -12,7 +12,7 @@ from handout_mint import identity
 from test_handout_page import CONTACT, KINDS
 
 from atlantis_netcfg.core import language
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.vpn.enrolment_package import OneTimePassphrase, Recipient, contents, handout, page
 
 NOTES = Path(__file__).with_name("cover_notes")

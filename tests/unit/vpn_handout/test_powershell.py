@@ -14,7 +14,7 @@ from handout_mint import identity
 from test_handout_page import CONTACT, KINDS
 from tree_sitter import Language, Node, Parser
 
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.inventory import load
 from atlantis_netcfg.vpn.enrolment_package import contents
 
 FILES = ("self-test.ps1", "setup.ps1")

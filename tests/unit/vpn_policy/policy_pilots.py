@@ -7,8 +7,8 @@ from functools import cache
 from ipaddress import IPv4Address
 from pathlib import Path
 
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Transport, VpnService
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Transport, VpnService
 from atlantis_netcfg.vpn.identity import (
     Certificate,
     CertificateStatus,

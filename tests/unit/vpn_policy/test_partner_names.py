@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from policy_pilots import SHIPPED
 
-from atlantis_netcfg.declaration import validate
+from atlantis_netcfg.inventory import validate
 from atlantis_netcfg.vpn.names import NAME
 
 NAMES = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,30}[a-z0-9])?")

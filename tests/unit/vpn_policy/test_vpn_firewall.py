@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from nft_walk import Packet, parse
 from policy_pilots import MEMBERS, MINE, TIME, member, membership, pilot
 
-from atlantis_netcfg.declaration.model import VpnService
+from atlantis_netcfg.inventory.model import VpnService
 from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.policy import ADMITTED, TABLE, Flow, Party, Policy, Protocol, firewall, policy
 

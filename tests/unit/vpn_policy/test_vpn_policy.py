@@ -5,7 +5,7 @@ import pytest
 from policy_pilots import CENTRE, GATEWAY, MEMBERS, MINE, ROUTER, TIME, member, membership, pilot
 from row_subtests import for_each_row
 
-from atlantis_netcfg.declaration.model import Dds, DdsPath, RosDistribution
+from atlantis_netcfg.inventory.model import Dds, DdsPath, RosDistribution
 from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.policy import Flow, Party, Policy, Protocol, policy
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import MembershipList
 from atlantis_netcfg.vpn.server import FOLDER, live_files

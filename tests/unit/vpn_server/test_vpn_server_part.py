@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.vpn.identity import (
     TIMERS,
     Certificate,

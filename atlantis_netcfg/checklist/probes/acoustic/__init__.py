@@ -45,7 +45,7 @@ from atlantis_netcfg.checklist.probes.acoustic.status import (
 from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Question, Step, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import AcousticDriver, Column
+from atlantis_netcfg.inventory.model import AcousticDriver, Column
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping

@@ -24,7 +24,7 @@ from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Place, Say, Transcript, Trouble
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import AcousticDriver, AcousticEndpoint, Column, UsblEndpoint
+from atlantis_netcfg.inventory.model import AcousticDriver, AcousticEndpoint, Column, UsblEndpoint
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping

@@ -42,7 +42,7 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import GpsDriver, GpsEndpoint, VehicleKind
+from atlantis_netcfg.inventory.model import GpsDriver, GpsEndpoint, VehicleKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

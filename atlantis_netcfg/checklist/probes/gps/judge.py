@@ -10,7 +10,7 @@ from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.gps.record import DAY_S, Nature, at_day, speechless
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import Geofence, GpsDriver
+from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

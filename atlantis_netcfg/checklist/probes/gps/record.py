@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.step import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import Geofence, GpsDriver
+from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

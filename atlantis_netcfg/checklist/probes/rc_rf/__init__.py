@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.checklist.probes.step import Answer, Cell
-    from atlantis_netcfg.declaration.model import RcRfEndpoint
+    from atlantis_netcfg.inventory.model import RcRfEndpoint
 
 __all__ = ["RcExpectation", "RcHeard", "SticksMoved", "steps"]
 

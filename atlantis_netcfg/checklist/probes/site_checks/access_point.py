@@ -23,13 +23,13 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Step
 from atlantis_netcfg.checklist.probes.wifi import read_opened, read_stations
-from atlantis_netcfg.declaration.model import Gateway, WifiRole
+from atlantis_netcfg.inventory.model import Gateway, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.bearers import BearerFinding
-    from atlantis_netcfg.declaration.model import GatewayAccessPoint
+    from atlantis_netcfg.inventory.model import GatewayAccessPoint
 
 _NO_DEVICE = "No such device"
 

@@ -35,14 +35,14 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.site_checks.vpn import TUNNEL
 from atlantis_netcfg.checklist.probes.step import Judged, Place, ReflectRequest, ReflectResult, Trouble
-from atlantis_netcfg.declaration.model import REFLECTOR_PORT, ControlCentre, Gateway, ServerComputer
+from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ControlCentre, Gateway, ServerComputer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.step import Answer, Question, Reflected, Step
     from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
 
 NAME = "data-reaches-scc"
 

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
-    from atlantis_netcfg.declaration.model import Dds
+    from atlantis_netcfg.inventory.model import Dds
 
 TABLE = "/proc/net/udp"
 _BASE, _DOMAIN, _UNICAST, _EACH = 7400, 250, 10, 2

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.qualify.record import QualifyRecord
 
 NAME = "link-qualified"

@@ -32,14 +32,14 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import AddressBy, ControlCentre, Router, ServerComputer, Site
+from atlantis_netcfg.inventory.model import AddressBy, ControlCentre, Router, ServerComputer, Site
 from atlantis_netcfg.render import RouterView, router_view
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import Bearer
 
 
 def good(code: str, message: str) -> BearerFinding:

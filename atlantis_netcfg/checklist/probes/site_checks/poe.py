@@ -20,7 +20,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, RouterOsQuery, Step
-from atlantis_netcfg.declaration.model import PoeMode
+from atlantis_netcfg.inventory.model import PoeMode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     yes,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Step
-from atlantis_netcfg.declaration.model import SshHost
+from atlantis_netcfg.inventory.model import SshHost
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

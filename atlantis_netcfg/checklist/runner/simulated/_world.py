@@ -19,17 +19,6 @@ from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
 from atlantis_netcfg.checklist.probes.site_checks.data_reaches import far_computers
 from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
-from atlantis_netcfg.declaration.model import (
-    AcousticDriver,
-    Column,
-    Gateway,
-    GpsDriver,
-    Router,
-    ServerComputer,
-    Switch,
-    VpnServer,
-    WifiRole,
-)
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
 from atlantis_netcfg.emulator.gnss import GnssSpec
 from atlantis_netcfg.emulator.linux import (
@@ -46,12 +35,23 @@ from atlantis_netcfg.emulator.linux import (
 )
 from atlantis_netcfg.emulator.mavlink import AutopilotSpec
 from atlantis_netcfg.gateway.parts import computer_network
+from atlantis_netcfg.inventory.model import (
+    AcousticDriver,
+    Column,
+    Gateway,
+    GpsDriver,
+    Router,
+    ServerComputer,
+    Switch,
+    VpnServer,
+    WifiRole,
+)
 from atlantis_netcfg.render import router_view
 from atlantis_netcfg.vpn.client import IDENTITY
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import AcousticEndpoint, UsblEndpoint, WifiEndpoint
+    from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.inventory.model import AcousticEndpoint, UsblEndpoint, WifiEndpoint
 
 
 _OUTDOORS_MHZ = 5500

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
 _NOBODY = "nothing stands for it in a rehearsal"

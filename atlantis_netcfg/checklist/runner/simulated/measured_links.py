@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import BearerKind
+from atlantis_netcfg.inventory.model import BearerKind
 from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.qualify.record import QualifyRecord, make_record

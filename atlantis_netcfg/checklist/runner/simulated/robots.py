@@ -22,7 +22,7 @@ from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.inventory import Declaration
 
     Change = Callable[[Observation, str], None]
 

@@ -10,8 +10,8 @@ from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Cell, Listen, Probe, Step, Transcript, acoustic, registry, usbl
 from atlantis_netcfg.checklist.report import ItemKind
-from atlantis_netcfg.declaration import Declaration
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningSeatrac, SeatracSpec
+from atlantis_netcfg.inventory import Declaration
 
 HERE = Path(__file__).parent
 CASES: list[dict[str, Any]] = yaml.safe_load((HERE / "acoustic_cases.yml").read_text(encoding="utf-8"))

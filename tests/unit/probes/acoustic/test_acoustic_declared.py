@@ -14,10 +14,10 @@ from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Probe, Step, T
 from atlantis_netcfg.checklist.probes.acoustic import seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import WATER
 from atlantis_netcfg.checklist.report import ItemKind
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.loading import load
-from atlantis_netcfg.declaration.model import AcousticEndpoint, Geofence, SeenFrom, UsblEndpoint
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.loader import load
+from atlantis_netcfg.inventory.model import AcousticEndpoint, Geofence, SeenFrom, UsblEndpoint
 
 SITE = "coastal"
 SEATRAC_PORT = {"driver": "seatrac", "device": "/dev/ttyUSB0", "seen_from": "laptop"}

@@ -7,7 +7,7 @@ import gps_said as say
 from gps_said import NO_FIX, SKY, epoch, fixes, gga, gll, gns, gpsd, gsa, heard, nmea, no_fix, rmc, tagged, tpv
 
 from atlantis_netcfg.checklist.probes import Transcript, Trouble
-from atlantis_netcfg.declaration.model import GpsDriver
+from atlantis_netcfg.inventory.model import GpsDriver
 
 GPSD, TCP, SERIAL = GpsDriver.GPSD, GpsDriver.NMEA_TCP, GpsDriver.NMEA_SERIAL
 

@@ -8,7 +8,7 @@ from typing import Any
 from atlantis_netcfg.checklist.probes import Transcript
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation
 from atlantis_netcfg.checklist.probes.gps.nmea import checksum
-from atlantis_netcfg.declaration.model import Geofence, GpsDriver
+from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 
 NOW = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)
 """When the listening begins."""

@@ -16,7 +16,7 @@ from atlantis_netcfg.checklist.probes.gps import StreamGps
 from atlantis_netcfg.checklist.probes.gps import gpsd as gpsd_reader
 from atlantis_netcfg.checklist.probes.gps import nmea as nmea_reader
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import GpsDriver
+from atlantis_netcfg.inventory.model import GpsDriver
 
 LISTED: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("gps_cases.yml").read_text(encoding="utf-8"))
 

@@ -12,7 +12,7 @@ from atlantis_netcfg.checklist.probes import Judged, Place, Transcript
 from atlantis_netcfg.checklist.probes.gps import StreamGps
 from atlantis_netcfg.checklist.probes.gps.gpsd import read
 from atlantis_netcfg.checklist.probes.gps.record import Nature
-from atlantis_netcfg.declaration.model import GpsDriver
+from atlantis_netcfg.inventory.model import GpsDriver
 
 
 def judged(transcript: Transcript) -> Judged:

@@ -13,7 +13,7 @@ from row_subtests import for_each_row
 from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes import Judged, RouterOsQuery, Rows, Trouble, gps
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import Geofence, GpsDriver
+from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 
 WANTED = gps.GpsExpectation("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
 PROBE = gps.RouterosGps(WANTED, "off-router")

@@ -10,8 +10,8 @@ from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, steps
 from atlantis_netcfg.checklist.probes.registry import refused
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import Endpoints
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import Endpoints
 
 
 def of(declaration: Declaration, vehicle: str, gps: dict[str, Any] | None = None, *, declared: bool = True) -> Step:

@@ -11,12 +11,12 @@ from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.probes.site_checks.link_qualified import NAME as LINK_QUALIFIED
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
 from atlantis_netcfg.emulator.routeros.spec import Environment, Load, ManagementSpec, Radio, RouterSpec, User, Validity
+from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.render import router
 
 SITE = "coastal"

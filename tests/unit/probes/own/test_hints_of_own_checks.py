@@ -11,8 +11,8 @@ from own_world import NOW, World, own_steps
 from test_hints_of_vpn import GATEWAY, ROUTER, Laptop, laptop
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-from atlantis_netcfg.declaration import Host
 from atlantis_netcfg.emulator.routeros.spec import Validity
+from atlantis_netcfg.inventory import Host
 from atlantis_netcfg.operations.vpn.router import InstalledIdentity
 from atlantis_netcfg.routeros.apply import Status
 

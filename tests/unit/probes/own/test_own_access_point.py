@@ -11,10 +11,10 @@ from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.probes.step import CommandResult, Place, RunProgram
 from atlantis_netcfg.checklist.runner.simulated._world import gateway_computer
 from atlantis_netcfg.core.reading_programs import allowed
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import Gateway, GatewayAccessPoint, Router
 from atlantis_netcfg.emulator.linux import ComputerSpec, InterfaceSpec
 from atlantis_netcfg.emulator.linux._ip import iw
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import Gateway, GatewayAccessPoint, Router
 
 SHIPPED = load(Path(__file__).parents[4] / "inventory")
 RADIO = GatewayAccessPoint.model_validate(

@@ -11,7 +11,7 @@ from row_subtests import for_each_row
 from atlantis_netcfg.checklist.probes import Cell, Step, site_checks
 from atlantis_netcfg.checklist.probes.site_checks import NAMES, steps
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.declaration.model import OperatorStation
+from atlantis_netcfg.inventory.model import OperatorStation
 
 LISTED: dict[str, dict[str, list[str]]] = yaml.safe_load(
     (Path(__file__).parent / "own_cases.yml").read_text(encoding="utf-8")

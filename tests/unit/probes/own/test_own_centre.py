@@ -8,7 +8,7 @@ from own_world import declaration, lines
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.report import ItemKind
-from atlantis_netcfg.declaration.model import ServerComputer
+from atlantis_netcfg.inventory.model import ServerComputer
 
 GATEWAYS = {"coastal-gateway": "10.80.0.21", "te4sea-gateway": "10.80.0.22"}
 OWN = "10.80.0.2"

@@ -21,8 +21,8 @@ from atlantis_netcfg.cli._commands import COMMANDS, choose
 from atlantis_netcfg.cli._commands import load as load_command
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration.model import BearerKind
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory.model import BearerKind
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.qualify.kept import RECORD_FILE, folder_of, record_json

@@ -6,7 +6,7 @@ from row_subtests import for_each_row
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
 from atlantis_netcfg.core.reading_programs import allowed
-from atlantis_netcfg.declaration.model import EthernetEndpoint
+from atlantis_netcfg.inventory.model import EthernetEndpoint
 
 MAC = "02:00:5E:00:01:26"
 

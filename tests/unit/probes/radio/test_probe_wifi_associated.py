@@ -19,7 +19,7 @@ from row_subtests import for_each_row
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, read_link, read_station
 from atlantis_netcfg.core.reading_programs import allowed
-from atlantis_netcfg.declaration.model import WifiEndpoint
+from atlantis_netcfg.inventory.model import WifiEndpoint
 
 HEALTHY: dict[str, Answer] = {
     "link": linked(),

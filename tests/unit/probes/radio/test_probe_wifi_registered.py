@@ -5,7 +5,7 @@ from radio_cases import NOBODY, Case, check, codes, listed, pings, way
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.wifi import RegisteredProbe
 from atlantis_netcfg.core.reading_programs import allowed
-from atlantis_netcfg.declaration.model import WifiEndpoint
+from atlantis_netcfg.inventory.model import WifiEndpoint
 
 MAC = "02:00:5E:00:01:23"
 

@@ -9,8 +9,8 @@ import pytest
 from atlantis_netcfg.checklist.probes import Cell, Step
 from atlantis_netcfg.checklist.probes.registry import steps_of
 from atlantis_netcfg.checklist.report import ItemKind
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import Bearer, Endpoints
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import Bearer, Endpoints
 
 
 def told(steps: tuple[Step, ...]) -> list[tuple[str, str, tuple[str, ...]]]:

@@ -16,8 +16,8 @@ from atlantis_netcfg.checklist.probes import Cell, Judged, Listen, Place, Step, 
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved, steps
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration
-from atlantis_netcfg.declaration.model import Endpoints
+from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.inventory.model import Endpoints
 
 LISTED: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("rc_cases.yml").read_text(encoding="utf-8"))
 

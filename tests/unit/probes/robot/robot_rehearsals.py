@@ -11,7 +11,7 @@ from atlantis_netcfg.checklist.runner.simulated import FAULTS
 from atlantis_netcfg.checklist.runner.simulated._world import World, healthy
 from atlantis_netcfg.checklist.runner.simulated.environment import RehearsedEars
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration
+from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations.request import Mode, Request
 
 NOWHERE = Request(state=Path("/EXAMPLE"), mode=Mode.DRIFT, rehearsed=True)

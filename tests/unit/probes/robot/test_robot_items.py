@@ -42,11 +42,11 @@ from atlantis_netcfg.cli._commands import COMMANDS, choose
 from atlantis_netcfg.cli._commands import load as load_command
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.declaration._yaml import SealedSecret
-from atlantis_netcfg.declaration.model.robot import TopicKind
-from atlantis_netcfg.declaration.robots import reading
-from atlantis_netcfg.declaration.robots.reading import read_declared
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.inventory._yaml import SealedSecret
+from atlantis_netcfg.inventory.model.robot import TopicKind
+from atlantis_netcfg.inventory.robots import reading
+from atlantis_netcfg.inventory.robots.reading import read_declared
 from atlantis_netcfg.operations.vpn.server_state import VpnSession
 from atlantis_netcfg.robots import observation as observed
 from atlantis_netcfg.robots.observation import Observation

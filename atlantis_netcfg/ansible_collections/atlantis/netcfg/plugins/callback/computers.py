@@ -19,7 +19,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.en
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.computers._watch import Watch
 
 DOCUMENTATION = """

@@ -1,0 +1,140 @@
+"""`hosts.yml`: every host once under its site and once under what it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.inventory.findings import Finding, Mark, meant, why_no_name
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.inventory._yaml import Node
+
+KIND_GROUPS = {
+    "routers": "router",
+    "switches": "switch",
+    "cpes": "cpe",
+    "lte_routers": "lte_router",
+    "satellite_terminals": "satellite_terminal",
+    "gateways": "gateway",
+    "vpn_servers": "vpn_server",
+    "control_centres": "control_centre",
+    "operator_stations": "operator_station",
+}
+"""Group of the inventory -> `kind` of its devices."""
+_RESERVED = ("all", "ungrouped", "sites", *KIND_GROUPS)
+
+
+@dataclass(slots=True)
+class HostLayout:
+    """Who is where, and what it is; all in the file's order."""
+
+    start: Mark
+    sites: dict[str, Mark] = field(default_factory=dict)
+    hosts: dict[str, str] = field(default_factory=dict)
+    """Host -> its site."""
+    marks: dict[str, Mark] = field(default_factory=dict)
+    """Host -> where it stands below its site, or below its kind if it has no site."""
+    kinds: dict[str, str] = field(default_factory=dict)
+    """Host -> its kind, as the group has it."""
+    kind_marks: dict[str, Mark] = field(default_factory=dict)
+    misspelt: dict[str, str] = field(default_factory=dict)
+    """Host -> its kind, where the group has nearly its name: that error is told once."""
+    findings: list[Finding] = field(default_factory=list)
+
+    def wrong(self, mark: Mark, message: str, hint: str) -> None:
+        """Note an error."""
+        self.findings.append(Finding.at(mark, message, hint))
+
+
+def lay_out(root: Node) -> HostLayout:
+    """Read the groups."""
+    layout = HostLayout(root.mark)
+    children = _block(layout, _block(layout, root, "hosts.yml", ("all",)).get("all"), "all", ("children", "vars"))
+    groups = _block(layout, children.get("children"), "all.children", ("sites", *KIND_GROUPS))
+    _check_vars(layout, children.get("vars"))
+    sites = _block(layout, groups.get("sites"), "sites", ("children", "vars"))
+    _check_vars(layout, sites.get("vars"))
+    for name, node in _block(layout, sites.get("children"), "sites.children").items():
+        _add_site(layout, name, node)
+    for group, kind in KIND_GROUPS.items():
+        _add_kind(layout, group, kind, groups.get(group))
+    _check_names(layout)
+    return layout
+
+
+def _block(layout: HostLayout, node: Node | None, name: str, known: tuple[str, ...] | None = None) -> dict[str, Node]:
+    """The keys of a block; an empty one has none. A misspelt key is told, and taken for what was meant."""
+    if node is None or node.value is None:
+        return {}
+    if isinstance(node.value, list):
+        layout.wrong(node.mark, f"`{name}` wants a block of keys", "write `name:` a line, without `- `")
+        return {item.text: item for item in node.value if item.text} if known is None else {}
+    if not isinstance(node.value, dict):
+        layout.wrong(node.mark, f"`{name}` wants a block of keys", "write `name:` below it, indented")
+        return {}
+    if known is None:
+        return node.value
+    block = {key: value for key, value in node.value.items() if key in known}
+    for key, value in node.value.items():
+        if key not in known:
+            layout.wrong(value.place, f"`{key}` is not known in `{name}`", meant(key, known, none=""))
+            block.setdefault(nearest(key, known) or key, value)
+    return block
+
+
+def _add_site(layout: HostLayout, site: str, node: Node) -> None:
+    layout.sites[site] = node.place
+    block = _block(layout, node, site, ("hosts", "vars"))
+    _check_vars(layout, block.get("vars"))
+    for host, value in _block(layout, block.get("hosts"), f"{site}.hosts").items():
+        if host in layout.hosts:
+            message = f"`{host}` stands below two sites, `{layout.hosts[host]}` and `{site}`"
+            layout.wrong(value.place, message, "a device is at one site: remove one of the two lines")
+            continue
+        layout.hosts[host] = site
+        layout.marks[host] = value.place
+        _check_host(layout, host, value)
+
+
+def _add_kind(layout: HostLayout, group: str, kind: str, node: Node | None) -> None:
+    block = _block(layout, node, group, ("hosts", "vars"))
+    _check_vars(layout, block.get("vars"))
+    for host, value in _block(layout, block.get("hosts"), f"{group}.hosts").items():
+        _check_host(layout, host, value)
+        if host not in layout.hosts:
+            message = f"`{host}` is in group `{group}` but at no site"
+            layout.wrong(value.place, message, meant(host, layout.hosts, none="add it below its site"))
+            layout.misspelt[nearest(host, layout.hosts) or host] = kind
+        elif host in layout.kinds:
+            layout.wrong(value.place, f"`{host}` stands in two kinds of device", "remove one of the two lines")
+        else:
+            layout.kinds[host] = kind
+            layout.kind_marks[host] = value.place
+
+
+def _check_vars(layout: HostLayout, node: Node | None, name: str = "vars") -> None:
+    """Only Ansible's own variables may stand in hosts.yml."""
+    for key, value in _block(layout, node, name).items():
+        if not key.startswith("ansible_"):
+            hint = "move it to group_vars/ or host_vars/"
+            layout.wrong(value.place, f"`{key}` does not belong in hosts.yml", hint)
+
+
+def _check_host(layout: HostLayout, host: str, node: Node) -> None:
+    if node.text != host:  # an entry of a list, which is told, is its own value
+        _check_vars(layout, node, host)
+
+
+def _check_names(layout: HostLayout) -> None:
+    for name, mark in [*layout.sites.items(), *layout.marks.items()]:
+        if why := why_no_name(name):
+            layout.wrong(mark, *why)
+    for site, mark in layout.sites.items():
+        if site in _RESERVED:
+            layout.wrong(mark, f"a site cannot be called `{site}`: that is a group of its own", "choose another name")
+    for host, mark in layout.marks.items():
+        if host in layout.sites or host in _RESERVED:
+            message = f"`{host}` is the name of a host and of a group"
+            layout.wrong(mark, message, f"rename the host, for example `{host}-router`")

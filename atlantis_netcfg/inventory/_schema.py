@@ -1,0 +1,258 @@
+"""The model's fields as data: which keys a block has, and what each of them wants, in words.
+
+pydantic's errors in a technician's words, each at the place of the value it is about.
+"""
+
+from __future__ import annotations
+
+from datetime import date
+from enum import Enum
+from ipaddress import IPv4Address, IPv4Network
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.model import Device
+from atlantis_netcfg.inventory.model._base import NOT_TEXT, WRONG
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from pydantic_core import ErrorDetails
+
+    from atlantis_netcfg.inventory._yaml import Node
+
+
+def unwrap(annotation: Any) -> Any:  # noqa: ANN401 - a type, whatever it is
+    """The type below `Annotated` and `| None`."""
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation = get_args(annotation)[0]
+        elif optional(annotation):
+            (annotation,) = (part for part in get_args(annotation) if part is not NoneType)
+        else:
+            return annotation
+
+
+def optional(annotation: Any) -> bool:  # noqa: ANN401 - as above
+    """Whether null is a value of it."""
+    return get_origin(annotation) in {Union, UnionType} and NoneType in get_args(annotation)
+
+
+def model_of(annotation: Any) -> type[BaseModel] | None:  # noqa: ANN401 - as above
+    """The model that a field holds, if it holds one."""
+    plain = unwrap(annotation)
+    return plain if isinstance(plain, type) and issubclass(plain, BaseModel) else None
+
+
+def item_of(annotation: Any) -> Any:  # noqa: ANN401 - as above
+    """The type of a list's entries; None if it is no list."""
+    plain = unwrap(annotation)
+    return get_args(plain)[0] if get_origin(plain) is tuple else None
+
+
+def choices_of(annotation: Any) -> tuple[str | int, ...]:  # noqa: ANN401 - as above
+    """The words that a field may hold; empty if it is free."""
+    plain = unwrap(annotation)
+    if get_origin(plain) is Literal:
+        return get_args(plain)
+    if isinstance(plain, type) and issubclass(plain, Enum):
+        return tuple(str(member.value) for member in plain)
+    return ()
+
+
+def at(model: type[BaseModel], path: Sequence[str | int]) -> Any:  # noqa: ANN401 - as above
+    """The type of the field at a path; None if there is none."""
+    annotation: Any = model
+    for step in path:
+        if isinstance(step, int):
+            annotation = item_of(annotation)
+            continue
+        if get_origin(unwrap(annotation)) is dict:
+            annotation = get_args(unwrap(annotation))[1]
+            continue
+        inner = model_of(annotation)
+        field = inner.model_fields.get(step) if inner is not None else None
+        if field is None:
+            return None
+        annotation = field.annotation
+    return annotation
+
+
+def expected_type(annotation: Any) -> str:  # noqa: ANN401 - as above
+    """What to write for a field."""
+    plain = unwrap(annotation)
+    if words := choices_of(plain):
+        return "one of " + ", ".join(map(str, words))
+    if (model := model_of(plain)) is not None:
+        required = [name for name, field in model.model_fields.items() if field.is_required()]
+        return "a block with " + (", ".join(required) or f"any of {', '.join(model.model_fields)}")
+    if get_origin(plain) is dict:
+        return "a block of keys"
+    if (item := item_of(plain)) is not None:
+        inner = model_of(item)
+        return "a list: [" + ("{…}, {…}" if inner is not None else "…, …") + "]"
+    return _PLAIN.get(plain, "one line of text")
+
+
+_PLAIN: dict[Any, str] = {
+    IPv4Address: "an address, like 10.64.1.1",
+    IPv4Network: "a network, like 10.64.1.0/24",
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    Secret: "a secret made by ansible-vault encrypt_string, or EXAMPLE-…",
+}
+DEVICES: dict[str, type[BaseModel]] = {
+    get_args(model.model_fields["kind"].annotation)[0]: model for model in get_args(unwrap(Device))
+}
+"""`kind` -> the model of its device."""
+MODEL = "atlantis_netcfg.inventory.model"
+"""The package that holds the models."""
+
+
+FALLBACK = "cannot be understood"
+"""Of a message for an error type that nobody has put into words; tests hold that none is reachable."""
+_Path = tuple[str | int, ...]
+
+
+def model_key(path: _Path) -> str:
+    """The key at a path as the model calls it."""
+    return str(path[-1])
+
+
+def explain(
+    error: ErrorDetails, root: Node, model: type[BaseModel], name: str, key_of: Callable[[_Path], str] = model_key
+) -> Finding:
+    """One error of a block called `name`; `key_of` gives the keys as its file calls them."""
+    path = error["loc"]
+    if error["type"] == "missing":
+        return _missing(path, root, model, name, key_of)
+    node, field = root.at(*path), at(model, path)
+    label = label_of(path, name, key_of)
+    message, hint = _of_value(error, node, field, label)
+    place = node.place if isinstance(node.value, dict | list) else node.mark
+    return Finding.at(place, message, hint)
+
+
+def label_of(path: _Path, name: str, key_of: Callable[[_Path], str] = model_key) -> str:
+    """What a person calls the place: its key, or the list it is an entry of."""
+    if not path:
+        return f"`{name}`"
+    if isinstance(path[-1], int):
+        return f"entry {path[-1] + 1} of {label_of(path[:-1], name, key_of)}"
+    return f"`{key_of(path)}`"
+
+
+def _missing(path: _Path, root: Node, model: type[BaseModel], name: str, key_of: Callable[[_Path], str]) -> Finding:
+    parent, key = path[:-1], key_of(path)
+    hint = f"add `{key}:` with {expected_type(at(model, path))}"
+    return Finding.at(root.at(*parent).place, f"{label_of(parent, name, key_of)} has no `{key}`", hint)
+
+
+def _of_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[str, str]:  # noqa: ANN401 - a type
+    if error["type"] == WRONG:
+        return str(error["ctx"]["what"]), str(error["ctx"]["hint"])
+    if what := _wrong_shape(error, node):
+        return f"{label} {what}", f"write {expected_type(field)}"
+    if (what := _misread(node)) and error["type"] in _TEXTUAL:
+        return _unquoted(node, field, label, what)
+    words = _WORDS.get(error["type"])
+    if words is not None:
+        return words(label, node, error.get("ctx", {}), field)
+    return f"{label} {FALLBACK}", f"write {expected_type(field)}"
+
+
+def _wrong_shape(error: ErrorDetails, node: Node) -> str:
+    """What is wrong before the value itself is looked at; empty if nothing is."""
+    if isinstance(node.value, Secret):
+        return "cannot be vaulted: only passwords and keys may be"
+    if node.value is None:
+        return "has no value"
+    if error["type"] == "too_short":
+        return f"has too few entries: {error['ctx']['min_length']} is the least"
+    if error["type"] in _STRUCTURE or isinstance(node.value, dict | list):
+        return f"is {_shape(node)}"
+    return ""
+
+
+def _shape(node: Node) -> str:
+    if isinstance(node.value, dict):
+        return "a block of keys here"
+    return "a list here" if isinstance(node.value, list) else "a single value here"
+
+
+def _misread(node: Node) -> str:
+    """As what YAML has read a text without quotes."""
+    if isinstance(node.value, bool):
+        return "yes or no"
+    if isinstance(node.value, int | float):
+        return "a number"
+    return "a date" if isinstance(node.value, date) else ""
+
+
+def _unquoted(node: Node, field: Any, label: str, what: str) -> tuple[str, str]:  # noqa: ANN401 - a type
+    if unwrap(field) is Secret:
+        return f"YAML reads {label} as {what}", "write it in quotes"
+    known = choices_of(field)
+    if known and node.text not in known:
+        return f"`{node.text}` is no word for {label}", meant(node.text, map(str, known), none="")
+    return f"YAML reads `{node.text}` as {what}, {label} wants a text", f'write it in quotes: "{node.text}"'
+
+
+def _number(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    if isinstance(node.value, str) and node.text.strip().replace(".", "", 1).isdigit():
+        return f"{label} wants a number, here is a text", f"write it without quotes: {node.text.strip()}"
+    kind = "a whole number" if isinstance(node.value, float) else "a number"
+    return f"{label} wants {kind}, here is `{node.text}`", "write digits only"
+
+
+def _flag(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    return f"{label} wants true or false, here is `{node.text}`", "write true or false, without quotes"
+
+
+def _word(label: str, node: Node, context: Mapping[str, Any], field: object) -> tuple[str, str]:
+    if isinstance(next(iter(choices_of(field)), None), int) and not node.plain:
+        return _number(label, node, context, field)
+    return f"`{node.text}` is no word for {label}", meant(node.text, map(str, choices_of(field)), none="")
+
+
+def _least(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    bound = context.get("ge", context.get("gt"))
+    if "gt" in context:
+        return f"{label} is {node.text}: it must be more than {bound:g}", f"write a number above {bound:g}"
+    return f"{label} is {node.text}: {bound:g} is the least", f"write {bound:g} or more"
+
+
+def _most(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    return f"{label} is {node.text}: {context['le']:g} is the most", f"write {context['le']:g} or less"
+
+
+def _long(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    most = context["max_length"]
+    return f"{label} has {len(str(node.value))} characters: {most} are the most", "choose a shorter one"
+
+
+def _finite(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    return f"{label} is `{node.text}`, which is no number to count with", "write digits only"
+
+
+_TEXTUAL = frozenset({NOT_TEXT, "string_type", "enum", "literal_error"})
+_STRUCTURE = frozenset({"model_type", "model_attributes_type", "dict_type", "tuple_type"})
+_WORDS: dict[str, Callable[[str, Node, Mapping[str, Any], Any], tuple[str, str]]] = {
+    "int_type": _number,
+    "int_from_float": _number,
+    "float_type": _number,
+    "bool_type": _flag,
+    "enum": _word,
+    "literal_error": _word,
+    "greater_than_equal": _least,
+    "greater_than": _least,
+    "less_than_equal": _most,
+    "string_too_long": _long,
+    "too_long": _long,
+    "finite_number": _finite,
+}

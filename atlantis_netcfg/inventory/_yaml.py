@@ -1,0 +1,428 @@
+"""YAML with the place of every value, and without what an inventory of final values must not hold.
+
+The C parser of PyYAML gives nodes with their marks; this turns them into `Node`s and tells duplicate keys, Jinja, tags,
+aliases and keys that are not text. PyYAML itself silently keeps the last of two equal keys, and so does Ansible.
+
+A value is an example in a line that ends with a comment `# EXAMPLE`, and below a key that has one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from datetime import date
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import yaml
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.inventory.findings import Finding, Mark, shown_key
+
+if TYPE_CHECKING:
+    from yaml.nodes import MappingNode, SequenceNode
+
+
+Scalar = str | int | float | bool | date | Secret | None
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A value of the inventory and where it stands."""
+
+    mark: Mark
+    value: dict[str, Node] | list[Node] | Scalar
+    text: str = ""
+    """A scalar as it was typed."""
+    plain: bool = False
+    """A scalar without quotes: YAML may read it as something else than text."""
+    key: Mark | None = None
+    """Where the value's own key stands, if it has one."""
+    reported: bool = False
+    """Its error is told already: what it should have been cannot be known."""
+    example: bool = False
+    """It is marked `# EXAMPLE`: nobody has said yet what it really is."""
+
+    @property
+    def keys(self) -> dict[str, Node]:
+        """The values of a block; nothing for anything else."""
+        return self.value if isinstance(self.value, dict) else {}
+
+    @property
+    def place(self) -> Mark:
+        """Where a person looks for it: at its key, else at the value."""
+        return self.key or self.mark
+
+    def at(self, *path: str | int) -> Node:
+        """What stands at a path, or the nearest above it that is written out (the rest are defaults)."""
+        node = self
+        for step in path:
+            below: dict[Any, Node] = {}
+            if isinstance(node.value, dict):
+                below = node.value
+            elif isinstance(node.value, list):
+                below = dict(enumerate(node.value))
+            if step not in below:
+                break
+            node = below[step]
+        return node
+
+    def data(self) -> Any:  # noqa: ANN401 - what YAML holds
+        """The value without its places."""
+        if isinstance(self.value, dict):
+            return {key: node.data() for key, node in self.value.items()}
+        if isinstance(self.value, list):
+            return [node.data() for node in self.value]
+        return self.value
+
+    def scalars(self) -> Iterator[Node]:
+        """Every scalar at or below this node."""
+        if isinstance(self.value, dict):
+            for node in self.value.values():
+                yield from node.scalars()
+        elif isinstance(self.value, list):
+            for node in self.value:
+                yield from node.scalars()
+        else:
+            yield self
+
+
+TAG = "!vault"
+UNTAGGED = "!vault-encrypted"
+"""The older name of the tag; Ansible reads both (ansible-core, `parsing/yaml/constructor`)."""
+CLOSED = "this secret cannot be decrypted"
+Decrypt = Callable[[str], str]
+"""Vault text in, secret out; whatever it raises means that the text could not be decrypted."""
+
+
+class VaultError(UsageError):
+    """A vaulted value that is damaged or does not open."""
+
+
+class SealedSecret(Secret):
+    """A secret that nobody has decrypted: equal only to the same vault text, and it cannot be revealed.
+
+    Sealed values are enough to validate an inventory, and no password is asked for.
+    """
+
+    __slots__ = ()
+
+    def reveal(self) -> NoReturn:
+        """Refuse: the value is not known here."""
+        raise UsageError(
+            "a secret of the inventory is still encrypted",
+            hint="give the vault's password: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …, or `--ask-vault-pass`",
+        )
+
+    def decrypt_with(self, decrypt: Decrypt) -> Secret:
+        """The secret that is sealed. Raises UsageError."""
+        return unseal(self._value, decrypt)
+
+
+def unseal(text: str, decrypt: Decrypt | None, *, strict: bool = True) -> Secret:
+    """The secret in a vault text; sealed if there is nothing to decrypt it with.
+
+    Raises VaultError, or the UsageError of a `decrypt` that has no password at all.
+    """
+    if strict and not text.startswith("$ANSIBLE_VAULT;"):
+        raise VaultError("this is not a vaulted value", hint="make one: ansible-vault encrypt_string")
+    if decrypt is None or not strict:
+        return SealedSecret(text)
+    try:
+        value = decrypt(text)
+    except UsageError:
+        raise
+    except Exception as error:
+        raise VaultError(CLOSED, hint="check the vault's password: it is not the one of this value") from error
+    return Secret(value.rstrip("\r\n"))
+
+
+_WORDS: tuple[tuple[str, str, str], ...] = (
+    ("found a tab character", "a tab stands here", "indent with spaces"),
+    (
+        "mapping values are not allowed",
+        "a `:` too many, or the line is indented too far",
+        'quote a text that holds ": "',
+    ),
+    ("could not find expected ':'", "a key without `:`", "write `key: value`"),
+    ("did not find expected key", "the line does not fit the block it stands in", "indent it as its neighbours are"),
+    ("expected <document start>", "the line does not fit the block it stands in", "indent it as its neighbours are"),
+    ("did not find expected '-' indicator", "the line does not fit the list it stands in", "begin it with `- `"),
+    (
+        "did not find expected ',' or '}'",
+        "a `{` is not closed, or a comma is missing",
+        "write {key: value, key: value}",
+    ),
+    ("did not find expected ',' or ']'", "a `[` is not closed, or a comma is missing", "write [value, value]"),
+    ("did not find expected node content", "a value is missing here", "write the value"),
+    ("unexpected end of stream", "a quote is not closed", "close the text with the quote it began with"),
+    ("block sequence entries are not allowed", "a `-` stands where no list is", "put the list below its key"),
+    ("but found another document", "a second `---` begins another document", "keep one `---` a file"),
+    ("found undefined alias", "an alias (`*name`) is not used in an inventory", "write it out, or put it in quotes"),
+    ("cannot start any token", "a text cannot begin with this character", "put the text in quotes"),
+    ("while scanning an alias", "a text cannot begin with `*`", "put the text in quotes"),
+    ("while scanning an anchor", "a text cannot begin with `&`", "put the text in quotes"),
+    ("while scanning a tag", "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes"),
+    ("undefined tag handle", "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes"),
+    ("unknown escape character", "a backslash in double quotes begins an escape", "put the text in single quotes"),
+)
+_UNCLOSED = ("did not find expected ',' or", "unexpected end of stream")
+
+
+def explain(error: yaml.YAMLError, shown: str, text: str) -> Finding:
+    """A syntax error with its place."""
+    if isinstance(error, yaml.reader.ReaderError):
+        before = text[: error.position]
+        mark = Mark(shown, before.count("\n") + 1, error.position - before.rfind("\n"))
+        return Finding.at(mark, "a control character stands here", "delete it")
+    words = str(error)
+    place = _place(error, words)
+    mark = Mark(shown, *_inside(text, place)) if place is not None else Mark(shown, 1, 1)
+    if place is not None and _character(text, place) == "\t":
+        return Finding.at(mark, "a tab stands here", "indent with spaces")
+    for part, message, hint in _WORDS:
+        if part in words:
+            return Finding.at(mark, message, hint)
+    return Finding.at(mark, "this is no YAML from here on", "compare the line and the one above with a file that works")
+
+
+def _character(text: str, mark: yaml.Mark) -> str:
+    line = "".join(text.splitlines()[mark.line : mark.line + 1])
+    return line[mark.column : mark.column + 1]
+
+
+def _place(error: yaml.YAMLError, text: str) -> yaml.Mark | None:
+    """Where to look: what is not closed is best seen where it was opened."""
+    opened: yaml.Mark | None = getattr(error, "context_mark", None)
+    noticed: yaml.Mark | None = getattr(error, "problem_mark", None)
+    return opened if any(part in text for part in _UNCLOSED) else noticed or opened
+
+
+def _inside(text: str, mark: yaml.Mark) -> tuple[int, int]:
+    """PyYAML may point behind the end of the file; an editor cannot go there."""
+    lines = text.splitlines() or [""]
+    return (mark.line + 1, mark.column + 1) if mark.line < len(lines) else (len(lines), len(lines[-1]) + 1)
+
+
+_STANDARD = "tag:yaml.org,2002:"
+_SCALARS = frozenset({"str", "int", "float", "bool", "null", "timestamp"})
+_IS_JINJA = "this is a Jinja expression; an inventory holds final values"
+_JINJA = ("{{", "{%", "{#")
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+_COMMENT = re.compile(r"(?:^|(?<=\s))#")
+_EXAMPLE = re.compile(r"\bEXAMPLE\b(?!-)")
+
+
+def _marked_lines(text: str, root: yaml.Node) -> frozenset[int]:
+    """The lines, counted from 0, whose comment has the word EXAMPLE; a `#` inside a text begins no comment."""
+    found = {number: line for number, line in enumerate(text.split("\n")) if "#" in line and _EXAMPLE.search(line)}
+    if not found:
+        return frozenset()
+    texts = [(node.start_mark, node.end_mark, getattr(node, "style", None) in {"|", ">"}) for node in _scalars(root)]
+    marked = set()
+    for number, line in found.items():
+        inside = [_inside_line(number, *place) for place in texts if place[0].line <= number <= place[1].line]
+        begins = [match.start() for match in _COMMENT.finditer(line)]
+        comment = next((at for at in begins if not any(low <= at < high for low, high in inside)), None)
+        if comment is not None and _EXAMPLE.search(line, comment):
+            marked.add(number)
+    return frozenset(marked)
+
+
+def _scalars(root: yaml.Node) -> Iterator[yaml.ScalarNode]:
+    """Every key and value of one word or text, each once."""
+    waiting, seen = [root], set[int]()
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen:
+            continue
+        seen.add(id(node))
+        if isinstance(node, yaml.ScalarNode):
+            yield node
+        elif isinstance(node, yaml.MappingNode):
+            waiting += [part for pair in node.value for part in pair]
+        else:
+            waiting += node.value
+
+
+def _inside_line(number: int, start: yaml.Mark, end: yaml.Mark, is_block: bool) -> tuple[float, float]:  # noqa: FBT001
+    """The columns of a line that a text takes; the first line of a block (`|`) is its sign alone."""
+    if is_block and number == start.line:
+        return start.column, start.column + 1
+    low = start.column if number == start.line else 0
+    return low, end.column if number == end.line else float("inf")
+
+
+def parse(data: bytes, shown: str, decrypt: Decrypt | None) -> tuple[Node | None, list[Finding]]:
+    """Read one file's bytes; `shown` is its name in errors. None if it is empty or cannot be parsed."""
+    start = Mark(shown, 1, 1)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        where = Mark(shown, data.count(b"\n", 0, error.start) + 1, 1)
+        return None, [Finding.at(where, "this line is not UTF-8 text", "save the file as UTF-8")]
+    if text.startswith("$ANSIBLE_VAULT;"):
+        hint = f"ansible-vault decrypt {shown}, then ansible-vault encrypt_string for each secret"
+        return None, [Finding.at(start, "the whole file is encrypted; only single values may be", hint)]
+    try:
+        if (deep := _too_deep(text)) is not None:
+            mark = Mark(shown, deep.line + 1, deep.column + 1)
+            return None, [Finding.at(mark, f"the file is nested more than {_DEEPEST} levels deep", "write it flatter")]
+        root = _compose(text)
+    except yaml.YAMLError as error:
+        return None, [explain(error, shown, text)]
+    if root is None:
+        return None, []
+    return _Converter(shown, text, decrypt).convert(root)
+
+
+_DEEPEST = 100
+
+
+def _too_deep(text: str) -> Any:  # noqa: ANN401 - a mark of PyYAML or of its C parser, or None
+    """Return where the text is nested too deeply: the C parser composes by recursion, and would overrun its stack."""
+    indents = (len(line) - len(line.lstrip(" -?")) for line in text.splitlines())
+    if text.count("[") + text.count("{") + max(indents, default=0) <= _DEEPEST:
+        return None
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEPEST:
+            return event.start_mark
+    return None
+
+
+def _compose(text: str) -> yaml.Node | None:
+    loader = _Loader(text)
+    try:
+        root: yaml.Node | None = loader.get_single_node()
+        return root
+    finally:
+        loader.dispose()
+
+
+class _Converter:
+    """Turns PyYAML's nodes into ours and collects what is wrong on the way."""
+
+    def __init__(self, shown: str, text: str, decrypt: Decrypt | None) -> None:
+        self.shown = shown
+        self.text = text
+        self.decrypt = decrypt
+        self.findings: list[Finding] = []
+        self.seen: set[int] = set()
+        self.marked: frozenset[int] = frozenset()
+        self.marked_blocks = 0
+        self.constructor: Any = yaml.constructor.SafeConstructor()
+
+    def convert(self, root: yaml.Node) -> tuple[Node | None, list[Finding]]:
+        """The tree and all errors of it."""
+        self.marked = _marked_lines(self.text, root)
+        try:
+            return self._node(root), self.findings
+        except RecursionError:
+            mark = self._mark(root)
+            return None, [Finding.at(mark, "the file is nested too deeply", "write it flatter")]
+
+    def _mark(self, node: Any) -> Mark:  # noqa: ANN401 - a node or an event
+        return Mark(self.shown, node.start_mark.line + 1, node.start_mark.column + 1)
+
+    def _wrong(self, node: yaml.Node, message: str, hint: str) -> None:
+        self.findings.append(Finding.at(self._mark(node), message, hint))
+
+    def _node(self, node: yaml.Node, key: Mark | None = None) -> Node:
+        if id(node) in self.seen:
+            self._alias(node)
+            return Node(self._mark(node), None, key=key, reported=True)
+        self.seen.add(id(node))
+        if isinstance(node, yaml.MappingNode):
+            self._expect_tag(node, "map")
+            jinja = any(isinstance(key, yaml.MappingNode) for key, _ in node.value)
+            return Node(self._mark(node), self._mapping(node), key=key, reported=jinja)
+        if isinstance(node, yaml.SequenceNode):
+            self._expect_tag(node, "seq")
+            return Node(self._mark(node), [self._node(item) for item in node.value], key=key)
+        return self._scalar(node, key)
+
+    def _expect_tag(self, node: MappingNode | SequenceNode, expected: str) -> None:
+        if node.tag != _STANDARD + expected:
+            self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "remove it")
+
+    def _alias(self, node: yaml.Node) -> None:
+        """An alias has lost its own place in the node tree; the event stream still has it."""
+        events = yaml.parse(self.text, Loader=_Loader)
+        aliases: list[Any] = [event for event in events if isinstance(event, yaml.AliasEvent)]
+        for item in aliases or [node]:
+            finding = Finding.at(self._mark(item), "an alias (`*name`) is not used in an inventory", "write it out")
+            if finding not in self.findings:
+                self.findings.append(finding)
+
+    def _mapping(self, node: MappingNode) -> dict[str, Node]:
+        result: dict[str, Node] = {}
+        for key, value in node.value:
+            name = self._key(key)
+            if name is None:
+                continue
+            name, joined, _ = name.partition(":")
+            if joined:
+                self._wrong(key, f"a space is missing after `{shown_key(name)}:`", f"write `{shown_key(name)}: …`")
+            if name in result:
+                first = result[name].place.line
+                self._wrong(key, f"`{shown_key(name)}` stands here twice (first in line {first})", "keep one of them")
+                continue
+            is_block = key.start_mark.line in self.marked and value.start_mark.line > key.start_mark.line
+            self.marked_blocks += is_block
+            result[name] = self._node(value, self._mark(key))
+            self.marked_blocks -= is_block
+            if joined:
+                result[name] = replace(result[name], reported=True)
+        return result
+
+    def _key(self, key: yaml.Node) -> str | None:
+        if isinstance(key, yaml.MappingNode):
+            self._wrong(key, _IS_JINJA, "write the value itself")
+            return None
+        if not isinstance(key, yaml.ScalarNode) or key.tag != _STANDARD + "str":
+            shown = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "a list"
+            hint = f'write it in quotes: "{key.value}"' if isinstance(key, yaml.ScalarNode) else "write a word as key"
+            if key.tag == _STANDARD + "merge":
+                hint = "write the keys out"
+            self._wrong(key, f"{shown} is not read as text, so it cannot be a key", hint)
+            return None
+        if any(mark in key.value for mark in _JINJA):
+            self._wrong(key, "a key holds a Jinja expression; an inventory holds final values", "write the name itself")
+            return None
+        return str(key.value)
+
+    def _scalar(self, node: yaml.Node, key: Mark | None) -> Node:
+        mark, text, errors = self._mark(node), str(node.value), len(self.findings)
+        example = self.marked_blocks > 0 or node.start_mark.line in self.marked
+        if node.tag in {TAG, UNTAGGED}:
+            return Node(mark, self._secret(node, text), key=key, example=example)
+        value, plain = self._value(node, text), not getattr(node, "style", None)
+        return Node(mark, value, text, plain, key, reported=len(self.findings) > errors, example=example)
+
+    def _value(self, node: yaml.Node, text: str) -> Scalar:
+        """The value of a plain or quoted scalar; its text if it is wrong."""
+        kind = node.tag.removeprefix(_STANDARD)
+        if kind not in _SCALARS:
+            self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes")
+        elif any(part in text for part in _JINJA):
+            self._wrong(node, _IS_JINJA, "write the value itself")
+        elif kind != "str":
+            try:
+                value: Scalar = self.constructor.construct_object(node)
+            except (ValueError, yaml.YAMLError):
+                self._wrong(node, "this looks like a number or a date but is none", "write it in quotes")
+            else:
+                return value
+        return text
+
+    def _secret(self, node: yaml.Node, text: str) -> Secret:
+        try:
+            return unseal(text, self.decrypt)
+        except VaultError as error:
+            self._wrong(node, str(error), error.hint or "")
+            return unseal(text, None, strict=False)

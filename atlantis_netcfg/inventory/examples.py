@@ -1,0 +1,85 @@
+"""Which values of an inventory are still examples: marked `# EXAMPLE`, or made so that nobody can own them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from ipaddress import AddressValueError, IPv4Address, IPv4Network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.secret import EXAMPLE_PREFIX
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from atlantis_netcfg.inventory._yaml import Node
+    from atlantis_netcfg.inventory.findings import Mark
+
+DOCUMENTATION = tuple(IPv4Network(net) for net in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24"))
+"""RFC 5737."""
+_NAMES = ("example", "example.com", "example.net", "example.org", "test", "invalid")
+"""RFC 2606."""
+_ENDINGS = tuple(f".{name}" for name in _NAMES)
+SSH_KEY = "this SSH key"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Example:
+    """A value that nobody has replaced yet."""
+
+    file: str
+    line: int
+    column: int
+    key: str
+    """Its key, or that of the list it stands in."""
+    recognised: str | None = None
+    """What shows that it is an example, where it needs no mark."""
+
+
+def by_line(examples: Iterable[Example]) -> list[str]:
+    """One line of a file each, with its keys; files are named as below the inventory."""
+    lines: dict[str, list[str]] = {}
+    for example in examples:
+        place = re.sub(r"^.*?(?=(?:group|host)_vars/)", "", example.file)
+        lines.setdefault(f"{place}:{example.line}", []).append(f"`{example.key}`")
+    return [f"{place} {', '.join(dict.fromkeys(keys))}" for place, keys in lines.items()]
+
+
+def examples_in(nodes: Iterable[Node]) -> tuple[Example, ...]:
+    """Every example at or below the nodes, by place."""
+    return tuple(sorted({example for node in nodes for example in _below(node, "")}))
+
+
+def _below(node: Node, key: str) -> Iterator[Example]:
+    if isinstance(node.value, dict):
+        for name, value in node.value.items():
+            yield from _below(value, name)
+    elif isinstance(node.value, list):
+        for item in node.value:
+            yield from _below(item, key)
+    else:
+        recognised = recognise(node.value)
+        if node.example or recognised:
+            yield _example(node.mark, key, recognised)
+
+
+def _example(mark: Mark, key: str, recognised: str | None) -> Example:
+    return Example(mark.file, mark.line, mark.column, key, recognised)
+
+
+def recognise(value: object) -> str | None:
+    """What an example value is by its own look; None where a person has to say it."""
+    text = value if isinstance(value, str) else ""
+    if text.startswith(EXAMPLE_PREFIX):
+        return f"what begins with {EXAMPLE_PREFIX}"
+    if text.startswith(("ssh-", "ecdsa-", "sk-")) and " EXAMPLE" in text:
+        return SSH_KEY
+    if text.lower() in _NAMES or text.lower().rstrip(".").endswith(_ENDINGS):
+        return f"{text} (a name of RFC 2606)"
+    try:
+        address = IPv4Address(text.partition("/")[0].strip())
+    except AddressValueError:
+        return None
+    if any(address in block for block in DOCUMENTATION):
+        return f"{text.strip()} (a documentation address, RFC 5737)"
+    return None

@@ -1,0 +1,97 @@
+"""The whole pilot as frozen models, and the choice of hosts from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import NothingMatched, nearest
+from atlantis_netcfg.inventory.findings import choices
+from atlantis_netcfg.inventory.model import Gateway, Router, ServerComputer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.inventory._yaml import Decrypt
+    from atlantis_netcfg.inventory.examples import Example
+    from atlantis_netcfg.inventory.findings import Finding, Mark
+    from atlantis_netcfg.inventory.model import Device, Partner, Pilot, Site, Vehicle
+
+ALL = "all"
+"""Stands for every site."""
+
+
+@dataclass(frozen=True, slots=True)
+class Host:
+    """A device and where it stands."""
+
+    name: str
+    site: str
+    device: Device
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """A valid inventory; every mapping is in the files' order."""
+
+    root: Path
+    pilot: Pilot
+    partners: Mapping[str, Partner]
+    vehicles: Mapping[str, Vehicle]
+    sites: Mapping[str, Site]
+    hosts: Mapping[str, Host]
+    revision: str
+    """SHA-256 over the names and bytes of its files."""
+    examples: tuple[Example, ...] = ()
+    """Values that nobody has replaced yet, by place."""
+    warnings: tuple[Finding, ...] = ()
+    """What is allowed, and yet not as it should be, by place."""
+    places: Mapping[tuple[str, str], Mark] = field(default_factory=dict)
+    """Site and link to where the link is declared, for what is worked out of the declaration and said of it."""
+    decrypt: Decrypt | None = field(default=None, compare=False, repr=False)
+    """What its vaulted values were opened with, for files beside it that have some as well."""
+
+    def site_hosts(self, site: str) -> tuple[Host, ...]:
+        """The hosts of a site, in the order of hosts.yml."""
+        return tuple(host for host in self.hosts.values() if host.site == site)
+
+    def router_of(self, site: str) -> Host | None:
+        """The router of a site; None: it has none."""
+        return next((host for host in self.site_hosts(site) if isinstance(host.device, Router)), None)
+
+    def computer_of(self, site: str) -> Host | None:
+        """The computer that programs look from: the site's gateway, else its control centre."""
+        here = self.site_hosts(site)
+        found = [host for kind in (Gateway, ServerComputer) for host in here if isinstance(host.device, kind)]
+        return found[0] if found else None
+
+
+def choose(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
+    """The hosts of a site (`all`: of every site), narrowed to `only`. Raises NothingMatched with what exists."""
+    if site != ALL and site not in declaration.sites:
+        raise NothingMatched(f"there is no site `{site}`", hint=_meant(site, "sites", [*declaration.sites, ALL]))
+    here = tuple(host for host in declaration.hosts.values() if site in {ALL, host.site})
+    names = [host.name for host in here]
+    for name in only:
+        if name not in names:
+            raise _no_such_host(declaration, site, name, names)
+    chosen = tuple(host for host in here if not only or host.name in only)
+    if not chosen:
+        raise NothingMatched(f"site `{site}` has no hosts", hint="add them to hosts.yml")
+    return chosen
+
+
+def _no_such_host(declaration: Declaration, site: str, name: str, here: Sequence[str]) -> NothingMatched:
+    elsewhere = declaration.hosts.get(name)
+    if elsewhere is not None:
+        return NothingMatched(f"`{name}` is not at site `{site}`", hint=f"type site={elsewhere.site} only={name}")
+    where = "in the inventory" if site == ALL else f"at site `{site}`"
+    return NothingMatched(f"there is no host `{name}` {where}", hint=_meant(name, "hosts", here))
+
+
+def _meant(word: str, what: str, known: Iterable[str]) -> str:
+    every = list(known)
+    near = nearest(word, every)
+    listed = f"the {what} are: {choices(every)}"
+    return f"did you mean `{near}`? {listed}" if near else listed

@@ -1,0 +1,184 @@
+"""A list of records in a file that somebody has sent: YAML or CSV, read with the place of every value.
+
+It is read as strictly as the inventory (no aliases, tags, merges, Jinja, duplicate keys), and with bounds, because it
+may come from anybody: a small YAML file can stand for gigabytes. Values are the text as it was typed: `no` stays `no`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.inventory._yaml import Node, parse
+from atlantis_netcfg.inventory.findings import Finding, choices, shown_key
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+
+_BYTES = 1_000_000
+_ROWS = 10_000
+_DEPTH = 3
+"""The list, its records, their values."""
+_SUFFIXES = (".yml", ".yaml", ".csv")
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(frozen=True, slots=True)
+class ListRow:
+    """One record; what it leaves out, or leaves empty, is not in `values`."""
+
+    place: str
+    """`FILE:LINE`, for errors."""
+    values: Mapping[str, str]
+
+
+class ListInvalid(UsageError):
+    """The file has errors; `errors` holds each with its line."""
+
+    def __init__(self, findings: Sequence[Finding]) -> None:
+        self.findings = tuple(sorted(set(findings)))
+        self.errors = tuple(UsageError(_message(finding), hint=finding.hint) for finding in self.findings)
+        super().__init__("\n".join(str(error) for error in self.errors))
+
+
+def _message(finding: Finding) -> str:
+    return f"{finding.file}:{finding.line}: {finding.message}"
+
+
+def read(path: Path, keys: Sequence[str]) -> tuple[ListRow, ...]:
+    """Read the records, each with some of `keys`. Raises UsageError, and ListInvalid with every error of the file."""
+    if path.suffix.lower() not in _SUFFIXES:
+        raise UsageError(f"{path} is neither YAML nor CSV by its name", hint="call it .yml or .csv")
+    data = _bytes(path)
+    reader = _Csv(str(path), keys) if path.suffix.lower() == ".csv" else _Yaml(str(path), keys)
+    rows = reader.read(data)
+    if not reader.findings and not rows:
+        reader.wrong(1, "there is no record in it", f"write one for each device: {choices(keys)}")
+    if len(rows) > _ROWS:
+        reader.wrong(1, f"there are {len(rows)} records, and {_ROWS} are taken at once", "make two files of it")
+    if reader.findings:
+        raise ListInvalid(reader.findings)
+    return rows
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            data = file.read(_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    if len(data) > _BYTES:
+        raise UsageError(f"{path} is larger than {_BYTES // 1_000_000} MB", hint="make two files of it")
+    return data
+
+
+class _ListReader:
+    """What is wrong with a file, and which keys it may have."""
+
+    def __init__(self, shown: str, keys: Sequence[str]) -> None:
+        self.shown = shown
+        self.keys = keys
+        self.findings: list[Finding] = []
+
+    def wrong(self, line: int, message: str, hint: str) -> None:
+        self.findings.append(Finding(self.shown, line, 1, message, hint))
+
+    def known(self, key: str, line: int) -> bool:
+        if key in self.keys:
+            return True
+        near = nearest(key, self.keys)
+        hint = f"did you mean `{near}`?" if near else f"there are: {choices(self.keys)}"
+        self.wrong(line, f"`{shown_key(key)}` is not known here", hint)
+        return False
+
+
+class _Yaml(_ListReader):
+    """A list of mappings of scalars."""
+
+    def read(self, data: bytes) -> tuple[ListRow, ...]:
+        if self._too_deep(data):
+            return ()
+        root, findings = parse(data, self.shown, None)
+        self.findings += findings
+        if root is None or root.reported:
+            return ()
+        if not isinstance(root.value, list):
+            self.wrong(root.mark.line, "this is no list", "begin each record with `- `")
+            return ()
+        return tuple(self._row(node) for node in root.value)
+
+    def _too_deep(self, data: bytes) -> bool:
+        """Walk the events, which needs no memory for what is nested; what is no YAML is told by the parser after us."""
+        depth = 0
+        try:
+            for event in yaml.parse(data.decode("utf-8-sig", errors="replace"), Loader=_Loader):
+                depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+                if depth > _DEPTH:
+                    mark: Any = event.start_mark
+                    self.wrong(mark.line + 1, "this is nested too deeply", "a record has words and their values")
+                    return True
+        except yaml.YAMLError:
+            return False
+        return False
+
+    def _row(self, node: Node) -> ListRow:
+        place = f"{self.shown}:{node.mark.line}"
+        if not isinstance(node.value, dict):
+            if not node.reported:
+                self.wrong(node.mark.line, "this is no record", "write it as {partner: …, device: …}")
+            return ListRow(place, {})
+        return ListRow(place, dict(self._values(node)))
+
+    def _values(self, node: Node) -> Iterator[tuple[str, str]]:
+        for key, value in node.keys.items():
+            line = value.place.line
+            if not self.known(key, line) or value.value is None or value.reported:
+                continue
+            if isinstance(value.value, dict | list) or not value.text:
+                self.wrong(line, f"`{key}` has no simple value", "write one word")
+                continue
+            yield key, value.text
+
+
+class _Csv(_ListReader):
+    """The first line names the columns."""
+
+    def read(self, data: bytes) -> tuple[ListRow, ...]:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            line = data.count(b"\n", 0, error.start) + 1
+            self.wrong(line, "this line is not UTF-8 text", "save the file as UTF-8")
+            return ()
+        first = text.partition("\n")[0]
+        lines = csv.reader(
+            io.StringIO(text, newline=""), strict=True, delimiter=";" if ";" in first and "," not in first else ","
+        )
+        try:
+            return self._rows(lines)
+        except csv.Error as error:
+            self.wrong(lines.line_num, f"this is no CSV: {error}", "a quote is opened and closed around a whole value")
+            return ()
+
+    def _rows(self, lines: Any) -> tuple[ListRow, ...]:  # noqa: ANN401 - csv has no public type for its reader
+        header = [name.strip() for name in next(lines, [])]
+        for name in header:
+            if self.known(name, 1) and header.count(name) > 1:
+                self.wrong(1, f"`{name}` stands here twice", "keep one of them")
+        if self.findings:
+            return ()
+        return tuple(row for cells in lines if (row := self._row(header, cells, lines.line_num)) is not None)
+
+    def _row(self, header: list[str], cells: list[str], line: int) -> ListRow | None:
+        if not any(cells):
+            return None
+        if len(cells) != len(header):
+            self.wrong(line, f"{len(cells)} values for {len(header)} columns", "one value for each column, or none")
+        return ListRow(f"{self.shown}:{line}", {name: cell for name, cell in zip(header, cells, strict=False) if cell})

@@ -1,0 +1,628 @@
+"""From an inventory directory to a `Declaration`, or to all errors of the whole pilot in one pass.
+
+One bad part does not hide the others: each is made into models by itself.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import stat
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from atlantis_netcfg.core.errors import NothingMatched, nearest
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.inventory import _schema
+from atlantis_netcfg.inventory._draft import Draft, Part
+from atlantis_netcfg.inventory._hosts import KIND_GROUPS, HostLayout, lay_out
+from atlantis_netcfg.inventory._schema import explain, label_of
+from atlantis_netcfg.inventory._yaml import CLOSED, Decrypt, Node, parse
+from atlantis_netcfg.inventory.examples import examples_in
+from atlantis_netcfg.inventory.findings import (
+    MOST_SHOWN,
+    Finding,
+    InventoryInvalid,
+    Mark,
+    choices,
+    meant,
+    shown_key,
+    why_no_name,
+)
+from atlantis_netcfg.inventory.inventory import Declaration, Host
+from atlantis_netcfg.inventory.model import Guest, Partner, Pilot, Site, Vehicle
+from atlantis_netcfg.inventory.rules import RULES, WARNINGS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+
+_HOMES = {
+    "pilot": "group_vars/all/pilot.yml",
+    "partners": "group_vars/all/partners.yml",
+    "vehicles": "group_vars/all/vehicles.yml",
+    "guests": "group_vars/all/guests.yml",
+    "site": "group_vars/<site>.yml",
+    "device": "host_vars/<host>.yml",
+}
+_OF_ALL = ("pilot", "partners", "vehicles")
+_IF_ANY = ("guests",)
+"""Of all as well, where there are some."""
+
+
+@dataclass(slots=True)
+class Variables:
+    """The blocks of the declaration, not yet checked."""
+
+    all: dict[str, Node] = field(default_factory=dict)
+    """`pilot`, `partners`, `vehicles`, and `guests` where there are some."""
+    sites: dict[str, Node] = field(default_factory=dict)
+    devices: dict[str, Node] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+
+
+def gather(sources: InventorySources, layout: HostLayout, decrypt: Decrypt | None) -> Variables:
+    """Read every file of group_vars and host_vars."""
+    return _Gatherer(sources, layout, decrypt).gather()
+
+
+class _Gatherer:
+    def __init__(self, sources: InventorySources, layout: HostLayout, decrypt: Decrypt | None) -> None:
+        self.sources = sources
+        self.layout = layout
+        self.decrypt = decrypt
+        self.result = Variables()
+
+    def gather(self) -> Variables:
+        """Everything, in an order that does not depend on the file system."""
+        groups, hosts = self.sources.group_vars, self.sources.host_vars
+        self._of_all(groups.get("all", []))
+        for name in sorted(groups.keys() - {"all"}):
+            self._group(name, groups[name])
+        for name in sorted(hosts):
+            self._host(name, hosts[name])
+        for site, mark in self.layout.sites.items():
+            self._expect(site, mark, groups, "site", "group_vars")
+        for host, mark in self.layout.marks.items():
+            self._expect(host, mark, hosts, "device", "host_vars")
+        return self.result
+
+    def _wrong(self, mark: Mark, message: str, hint: str) -> None:
+        self.result.findings.append(Finding.at(mark, message, hint))
+
+    def _of_all(self, paths: list[Path]) -> None:
+        found, complete = self._variables(paths, (*_OF_ALL, *_IF_ANY))
+        self.result.all = found
+        for name in _OF_ALL:
+            if name not in found and complete:
+                hint = f"write `{name}:` in {self.sources.shown}/{_HOMES[name]}"
+                self._wrong(self.layout.start, f"nothing declares `{name}`", hint)
+
+    def _group(self, name: str, paths: list[Path]) -> None:
+        if name in self.layout.sites:
+            found, complete = self._variables(paths, ("site",))
+            self._keep(name, paths, found.get("site"), self.result.sites, "site", complete=complete)
+        elif name in KIND_GROUPS or name == "sites":
+            self._variables(paths, ())
+        else:
+            known = ["all", *self.layout.sites]
+            self._orphan(paths, f"no site or group is called `{name}`", name, known, "group_vars")
+
+    def _host(self, name: str, paths: list[Path]) -> None:
+        if name in self.layout.hosts:
+            found, complete = self._variables(paths, ("device",))
+            self._keep(name, paths, found.get("device"), self.result.devices, "device", complete=complete)
+        else:
+            self._orphan(paths, f"no host is called `{name}`", name, self.layout.hosts, "host_vars")
+
+    def _keep(  # noqa: PLR0913 - one step of two callers
+        self, name: str, paths: list[Path], node: Node | None, into: dict[str, Node], variable: str, *, complete: bool
+    ) -> None:
+        if node is not None:
+            into[name] = node
+        elif complete and paths:
+            self._wrong(Mark(self.sources.name(paths[0]), 1, 1), f"there is no `{variable}:` here", "write it")
+
+    def _orphan(
+        self, paths: list[Path], message: str, name: str, known: Mapping[str, object] | list[str], folder: str
+    ) -> None:
+        near = nearest(name, known)
+        for path in paths:
+            shown = self.sources.name(path)
+            target = shown.replace(f"/{folder}/{name}", f"/{folder}/{near}", 1)
+            hint = (
+                f"did you mean `{near}`? mv {shown} {target}" if near else f"add it to {self.sources.shown}/hosts.yml"
+            )
+            self._wrong(Mark(shown, 1, 1), message, hint)
+
+    def _expect(self, name: str, mark: Mark, files: Mapping[str, list[Path]], variable: str, folder: str) -> None:
+        if files.get(name) or name in self.sources.strays:
+            return
+        known = self.layout.sites if folder == "group_vars" else self.layout.hosts
+        orphans = [other for other in files if other not in known and nearest(other, known) == name]
+        if not orphans:
+            hint = f"write `{variable}:` in {self.sources.shown}/{folder}/{name}.yml"
+            self._wrong(mark, f"`{name}` has no file in {folder}/", hint)
+
+    def _variables(self, paths: list[Path], allowed: tuple[str, ...]) -> tuple[dict[str, Node], bool]:
+        """The allowed variables of the files, and whether every file could be read."""
+        found: dict[str, Node] = {}
+        complete = True
+        for path in paths:
+            node, findings = self.sources.read(path, self.decrypt)
+            self.result.findings.extend(findings)
+            complete = complete and (node is not None or not findings)
+            if node is None or node.value is None:
+                continue
+            if not isinstance(node.value, dict):
+                complete = False
+                self._wrong(node.mark, "a file holds `name:` and below it, indented, the values", "write it so")
+                continue
+            for name, value in node.value.items():
+                self._variable(name, value, allowed, found)
+        return found, complete
+
+    def _variable(self, name: str, value: Node, allowed: tuple[str, ...], found: dict[str, Node]) -> None:
+        if name.startswith("ansible_"):
+            return
+        near = name if name in allowed else nearest(name, allowed)
+        if name in allowed and name in found:
+            first = found[name].place
+            self._wrong(value.place, f"`{name}` is declared twice, first in {first.file}:{first.line}", "keep one")
+        elif name in allowed:
+            found[name] = value
+        elif name in _HOMES:
+            self._wrong(value.place, f"`{name}` does not belong here", f"move it to {_HOMES[name]}")
+        else:
+            none = "only variables of Ansible itself, `ansible_…`, may stand here"
+            self._wrong(value.place, f"`{shown_key(name)}` is not known here", meant(name, allowed, none=none))
+            if near is not None:
+                found.setdefault(near, value)
+
+
+HOSTS = "hosts.yml"
+_OTHERS = ("evidence", "keys", "robots")
+"""Files that terminals have exported, public keys of archives, and robots' files; ansible.cfg keeps Ansible out."""
+_FOLDERS = ("group_vars", "host_vars")
+_DOCUMENTS = frozenset({".md", ".rst", ".txt"})
+_BACKUPS = ("~", ".bak", ".orig", ".swp", ".old", ".save", ".rej")
+
+
+@dataclass(slots=True)
+class InventorySources:
+    """The files of an inventory by what they are for.
+
+    Ansible takes `group_vars/<name>.yml`, a folder of that name, and more spellings than a person remembers; of a file
+    and a folder of one name it reads the folder alone (ansible-core, `DataLoader.find_vars_files`). One spelling is
+    allowed here, and every other file is told, so that nothing is declared in vain.
+    """
+
+    root: Path
+    shown: str
+    """The root's name in errors."""
+    group_vars: dict[str, list[Path]] = field(default_factory=dict)
+    host_vars: dict[str, list[Path]] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    strays: set[str] = field(default_factory=set)
+    """Stems of files that nobody reads: their host or site is not without a file, the file is in a wrong place."""
+    contents: dict[str, bytes] = field(default_factory=dict)
+    """What was read, by the files' names in errors."""
+
+    def name(self, path: Path) -> str:
+        """A file's name in errors."""
+        return f"{self.shown}/{path.relative_to(self.root).as_posix()}"
+
+    def read(self, path: Path, decrypt: Decrypt | None) -> tuple[Node | None, list[Finding]]:
+        """Read and parse one file."""
+        shown = self.name(path)
+        try:
+            data = content(path)
+        except OSError as error:
+            reason = (error.strerror or "no reason given").lower()
+            return None, [
+                Finding.at(Mark(shown, 1, 1), f"the file cannot be read: {reason}", f"look at it: ls -ld {shown}")
+            ]
+        if len(data) > LARGEST:
+            return None, [Finding.at(Mark(shown, 1, 1), "the file is larger than 1 MB", "write it in several files")]
+        self.contents[shown] = data
+        return parse(data, shown, decrypt)
+
+
+LARGEST = 1_000_000
+"""Bytes of a file."""
+
+
+def content(path: Path) -> bytes:
+    """Read one byte more than a file may have. Raises OSError, also for what is no regular file: a pipe never ends."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(descriptor, "rb") as file:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EINVAL, "it is no regular file")
+        return file.read(LARGEST + 1)
+
+
+def scan(root: Path, shown: str) -> InventorySources:
+    """List an inventory directory that is known to exist."""
+    sources = InventorySources(root, shown)
+    for entry in _entries(root):
+        if entry.name in _FOLDERS and entry.is_dir():
+            _scan_folder(sources, entry, sources.group_vars if entry.name == "group_vars" else sources.host_vars)
+        elif entry.name != HOSTS and not (entry.name in _OTHERS and entry.is_dir()):
+            _stray(sources, entry, (HOSTS, *_FOLDERS))
+    return sources
+
+
+def _entries(folder: Path) -> list[Path]:
+    return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
+
+
+def _scan_folder(sources: InventorySources, folder: Path, found: dict[str, list[Path]]) -> None:
+    for entry in _entries(folder):
+        if _is_folder_for_file(sources, entry):
+            continue
+        if entry.is_dir():
+            found.setdefault(entry.name, []).extend(_scan_inner(sources, entry))
+        elif entry.suffix == ".yml":
+            if entry.stem in found:
+                hint = f"move it into {sources.name(entry.with_suffix(''))}/"
+                message = f"Ansible does not read this file beside the folder `{entry.stem}`"
+                sources.findings.append(Finding.at(Mark(sources.name(entry), 1, 1), message, hint))
+            found.setdefault(entry.stem, []).append(entry)
+        else:
+            _stray(sources, entry)
+
+
+def _scan_inner(sources: InventorySources, folder: Path) -> Iterator[Path]:
+    for entry in _entries(folder):
+        if _is_folder_for_file(sources, entry):
+            continue
+        if entry.suffix == ".yml" and not entry.is_dir():
+            yield entry
+        else:
+            _stray(sources, entry)
+
+
+def _is_folder_for_file(sources: InventorySources, entry: Path) -> bool:
+    if not (entry.suffix == ".yml" and entry.is_dir()):
+        return False
+    shown = sources.name(entry)
+    sources.strays.add(entry.stem)
+    _tell(sources, entry, "a folder stands in place of a file", f"rename it: mv {shown} {shown.removesuffix('.yml')}")
+    return True
+
+
+def _stray(sources: InventorySources, entry: Path, expected: tuple[str, ...] = ()) -> None:
+    """Tell a file or folder that is not read; documents may lie about, Ansible passes them by as well."""
+    shown = sources.name(entry)
+    sources.strays.update(path.stem for path in (entry, *entry.rglob("*")))
+    if entry.is_dir():
+        inside = next((path for path in sorted(entry.rglob("*")) if path.is_file()), None)
+        if inside is None:
+            return
+        near = nearest(entry.name, expected)
+        hint = f"did you mean `{near}`?" if near else f"put its files where they are read, or remove it: rm -r {shown}"
+        _tell(sources, inside, f"nobody reads the folder `{entry.name}`", hint)
+    elif entry.name.endswith(_BACKUPS):
+        _tell(sources, entry, "this copy is not read, and may hold secrets", f"remove it: rm {shown}")
+    elif entry.suffix not in _DOCUMENTS:
+        stem = entry.name.removesuffix(entry.suffix) if entry.suffix in {".yaml", ".json", ".ini", ""} else entry.stem
+        name = nearest(f"{stem}.yml", expected) or f"{stem}.yml"
+        _tell(sources, entry, f"nobody reads the file `{entry.name}`", f"rename it: mv {shown} {_beside(shown, name)}")
+
+
+def _tell(sources: InventorySources, path: Path, message: str, hint: str) -> None:
+    sources.findings.append(Finding.at(Mark(sources.name(path), 1, 1), message, hint))
+
+
+def _beside(shown: str, name: str) -> str:
+    return f"{shown.rpartition('/')[0]}/{name}"
+
+
+_Path = tuple[str | int, ...]
+
+
+def build(
+    node: Node, model: type[_M], name: str, key_of: Callable[[_Path], str] = _schema.model_key
+) -> tuple[_M | None, Node, list[Finding]]:
+    """The model of a block called `name`, or every error of it; and the block with its keys as they were meant.
+
+    `key_of` gives the key at a path as the file calls it, where that is not the model's own.
+    """
+    findings: list[Finding] = []
+    while True:
+        try:
+            return model.model_validate(node.data()), node, findings
+        except ValidationError as error:
+            errors = error.errors(include_url=False, include_input=False)
+        unknown = [entry["loc"] for entry in errors if entry["type"] == "extra_forbidden"]
+        if not unknown:
+            break
+        # Each round leaves fewer unknown keys, or deeper ones.
+        node = _fix_keys(unknown[:MOST_SHOWN], node, model, (name, key_of), findings)
+        if more := len(unknown[MOST_SHOWN:]):
+            place = node.at(*unknown[MOST_SHOWN]).place
+            findings.append(
+                Finding.at(place, f"from here on {more} more keys are not known", "correct the others first")
+            )
+            return None, node, findings
+    findings.extend(explain(item, node, model, name, key_of) for item in errors if not node.at(*item["loc"]).reported)
+    return None, node, findings
+
+
+def _fix_keys(
+    unknown: Iterable[_Path],
+    node: Node,
+    model: type[BaseModel],
+    words: tuple[str, Callable[[_Path], str]],
+    findings: list[Finding],
+) -> Node:
+    """Tell unknown keys; give the node with them renamed to what was meant, or without them."""
+    for path in unknown:
+        parent, key = path[:-1], str(path[-1])
+        inner = _schema.model_of(_schema.at(model, parent))
+        known = list(inner.model_fields) if inner is not None else []
+        shown = {words[1]((*parent, field)): field for field in known}
+        block = node.at(*parent).keys
+        meant, message, hint = _unknown(key, block, shown, label_of(parent, *words))
+        findings.append(Finding.at(block[key].place, message, hint))
+        secret = [field for field in known if _schema.unwrap(_schema.at(model, (*parent, field))) is Secret]
+        unsure = any(field not in block and field != meant for field in secret)
+        node = _renamed(node, parent, key, meant, is_reported=unsure)
+    return node
+
+
+def _unknown(key: str, block: Mapping[str, Node], known: Mapping[str, str], where: str) -> tuple[str | None, str, str]:
+    """The key that was meant, if that can be known, and what to say; `known` are the keys of the file's words."""
+    free = {word: field for word, field in known.items() if field not in block}
+    word = key.partition(" ")[0]
+    if word != key and word in free and block[key].value is None:
+        return free[word], f"a `:` is missing after `{word}`", f"write `{word}: …`"
+    near = nearest(key, free)
+    instead = f"remove `{shown_key(key)}`; the keys here are: {', '.join(known)}"
+    message = f"{where} has no key `{shown_key(key)}`"
+    return near and free[near], message, f"did you mean `{near}`?" if near is not None else instead
+
+
+def _renamed(node: Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> Node:
+    """The node with a key renamed, or without it. `told`: it may hold a secret, so no more is said."""
+    if not path:
+        keys = dict(node.keys)
+        value = keys.pop(old)
+        is_reported = is_reported or value.reported or (" " in old and value.value is None)
+        return replace(node, value=keys if new is None else {**keys, new: replace(value, reported=is_reported)})
+    step, rest = path[0], path[1:]
+    if isinstance(node.value, list) and isinstance(step, int):
+        items = list(node.value)
+        items[step] = _renamed(items[step], rest, old, new, is_reported=is_reported)
+        return replace(node, value=items)
+    keys = dict(node.keys)
+    keys[str(step)] = _renamed(keys[str(step)], rest, old, new, is_reported=is_reported)
+    return replace(node, value=keys)
+
+
+_M = TypeVar("_M", bound=BaseModel)
+
+
+def draft(layout: HostLayout, variables: Variables) -> tuple[Draft, list[Finding]]:
+    """Check every part against the model."""
+    builder = _Builder(Draft(layout))
+    builder.pilot(variables.all.get("pilot"))
+    builder.named("partner", "partners", variables.all.get("partners"), Partner, builder.draft.partners)
+    builder.named("vehicle", "vehicles", variables.all.get("vehicles"), Vehicle, builder.draft.vehicles)
+    builder.named("vehicle", "guests", variables.all.get("guests"), Guest, builder.draft.vehicles)
+    for site in layout.sites:
+        builder.site(site, variables.sites.get(site))
+    builder.test_guests()
+    for host in layout.hosts:
+        builder.device(host, variables.devices.get(host))
+    return builder.draft, builder.findings
+
+
+class _Builder:
+    def __init__(self, draft: Draft) -> None:
+        self.draft = draft
+        self.findings: list[Finding] = []
+
+    def pilot(self, node: Node | None) -> None:
+        if node is not None:
+            self.draft.pilot = self._build(Part("pilot"), node, Pilot, "pilot")
+
+    def named(self, sort: str, variable: str, node: Node | None, model: type[BaseModel], into: dict[str, _M]) -> None:
+        """A block of parts by name."""
+        if node is None:
+            return
+        self.draft.nodes[Part(variable)] = node
+        if node.value is not None and not isinstance(node.value, dict):
+            hint = f"write `name:` and below it, indented, {_schema.expected_type(model)}"
+            self.findings.append(Finding.at(node.place, f"`{variable}` wants a block of keys", hint))
+            return
+        for name, below in node.keys.items():
+            if why := why_no_name(name):
+                self.findings.append(Finding.at(below.place, *why))
+            if (there := self.draft.nodes.get(Part(sort, name))) is not None:
+                where = f"{there.place.file}:{there.place.line}"
+                self.findings.append(Finding.at(below.place, f"`{name}` is declared already ({where})", "remove one"))
+                continue
+            part: Any = self._build(Part(sort, name), below, model, name)
+            if part is not None:
+                into[name] = part
+
+    def site(self, name: str, node: Node | None) -> None:
+        if node is not None and (site := self._build(Part("site", name), node, Site, "site")) is not None:
+            self.draft.sites[name] = site
+
+    def test_guests(self) -> None:
+        """A site's list of vehicles is the user's, and is never edited: a guest says itself where it is tested."""
+        guests = [(key, vehicle) for key, vehicle in self.draft.vehicles.items() if isinstance(vehicle, Guest)]
+        for name, site in self.draft.sites.items():
+            listed = site.checklist.vehicles
+            more = tuple(key for key, guest in guests if name in guest.tested_at and key not in (listed or ()))
+            if listed is not None and more:
+                settings = site.checklist.model_copy(update={"vehicles": (*listed, *more)})
+                self.draft.sites[name] = site.model_copy(update={"checklist": settings})
+
+    def device(self, host: str, node: Node | None) -> None:
+        """A device has the model of its kind."""
+        if node is None:
+            return
+        part = Part("device", host)
+        self.draft.nodes[part] = node
+        if not isinstance(node.value, dict):
+            hint = "write `kind:` and the device's other keys below it, indented"
+            self.findings.append(Finding.at(node.place, "`device` wants a block of keys", hint))
+            return
+        node, kind = self._kind(host, node)
+        if kind is not None:
+            device: Any = self._build(part, node, _schema.DEVICES[kind], "device")
+            if device is not None:
+                self.draft.devices[host] = device
+
+    def _kind(self, host: str, node: Node) -> tuple[Node, str | None]:
+        """The device's kind; if it is missing or misspelt, that is told and its group decides."""
+        grouped = self.draft.layout.kinds.get(host)
+        keys = dict(node.keys)
+        if "kind" not in keys and (near := nearest("kind", keys)) is not None:
+            value = keys.pop(near)
+            self.findings.append(Finding.at(value.place, f"`device` has no key `{near}`", "did you mean `kind`?"))
+            keys["kind"] = value
+        if "kind" not in keys:
+            hint = f"add `kind: {grouped}`" if grouped else f"add `kind:` with one of {choices(_schema.DEVICES)}"
+            self.findings.append(Finding.at(node.place, "`device` has no `kind`", hint))
+            keys["kind"] = Node(node.mark, grouped)
+        kind = keys["kind"].value
+        if isinstance(kind, str) and kind in _schema.DEVICES:
+            return replace(node, value=keys), kind
+        if kind is not None:
+            message, hint = (
+                f"`{keys['kind'].text}` is no kind of device",
+                meant(keys["kind"].text, _schema.DEVICES, none=""),
+            )
+            self.findings.append(Finding.at(keys["kind"].mark, message, hint))
+        keys["kind"] = replace(keys["kind"], value=grouped)
+        return replace(node, value=keys), grouped
+
+    def _build(self, part: Part, node: Node, model: type[_M], name: str) -> _M | None:
+        built, self.draft.nodes[part], findings = build(node, model, name)
+        self.findings += findings
+        return built
+
+
+def load(inventory: Path, *, decrypt: Decrypt | None = None) -> Declaration:
+    """Read and check the whole pilot.
+
+    Raises InventoryInvalid with every error, NothingMatched where there is no inventory, no site or no host. Without
+    `decrypt` vaulted secrets stay sealed: they can be declared and compared, not revealed.
+    """
+    sources, found, findings = _examine(inventory, decrypt)
+    pilot = found.pilot if found is not None else None
+    if findings or found is None or pilot is None:
+        raise InventoryInvalid(findings)
+    hosts = {name: Host(name, site, found.devices[name]) for name, site in found.layout.hosts.items()}
+    digest = hashlib.sha256()
+    for name, data in sorted(sources.contents.items()):
+        digest.update(f"{name.removeprefix(sources.shown)}\0{len(data)}\0".encode() + data)
+    return Declaration(
+        inventory,
+        pilot,
+        found.partners,
+        found.vehicles,
+        found.sites,
+        hosts,
+        revision=digest.hexdigest(),
+        examples=examples_in(found.nodes.values()),
+        warnings=tuple(sorted(finding for rule in WARNINGS for finding in rule(found))),
+        places={
+            (name, bearer.name): found.mark(Part("site", name), "bearers", index)
+            for name, site in found.sites.items()
+            for index, bearer in enumerate(site.bearers)
+        },
+        decrypt=decrypt,
+    )
+
+
+def validate(inventory: Path, *, decrypt: Decrypt | None = None) -> list[Finding]:
+    """Every error of the inventory, sorted by place; raises NothingMatched as `load` does."""
+    return _examine(inventory, decrypt)[2]
+
+
+def _examine(inventory: Path, decrypt: Decrypt | None) -> tuple[InventorySources, Draft | None, list[Finding]]:
+    sources = scan(_existing(inventory), shown_path(inventory))
+    root, findings = sources.read(inventory / HOSTS, decrypt)
+    if root is None and findings:
+        return sources, None, sorted({*findings, *sources.findings})
+    layout = _filled(root, findings, sources.shown)
+    variables = gather(sources, layout, decrypt)
+    found, wrong = draft(layout, variables)
+    findings += [*sources.findings, *layout.findings, *variables.findings, *wrong]
+    for rule in RULES:
+        findings.extend(rule(found))
+    return sources, found, _one_closed(sorted(set(findings)))
+
+
+def _one_closed(findings: list[Finding]) -> list[Finding]:
+    """One wrong password closes every vaulted value: tell the first of them, and how many more there are."""
+    closed = [finding for finding in findings if finding.message == CLOSED]
+    if len(closed) < 2:  # noqa: PLR2004 - one is told as it is
+        return findings
+    first = replace(closed[0], message=f"{CLOSED}, nor {len(closed) - 1} more of the inventory")
+    return [first if finding is closed[0] else finding for finding in findings if finding not in closed[1:]]
+
+
+def _filled(root: Node | None, findings: list[Finding], shown: str) -> HostLayout:
+    """The layout of hosts.yml; zero sites or zero hosts without an error that says why is never a green nothing."""
+    layout = lay_out(root) if root is not None else None
+    if layout is None or not (layout.sites or layout.findings or findings):
+        raise NothingMatched(
+            f"{shown}/{HOSTS} declares no site",
+            hint="write all: children: sites: children: <site>: hosts: <host>:",
+        )
+    if not (layout.hosts or layout.findings or findings):
+        raise NothingMatched(
+            f"{shown}/{HOSTS} declares no host", hint=f"add hosts below a site; the sites are: {choices(layout.sites)}"
+        )
+    return layout
+
+
+def shown_path(path: Path) -> str:
+    """A name in errors: as a person in the current directory would type it."""
+    full, here = path.absolute(), Path.cwd()
+    return full.relative_to(here).as_posix() if full.is_relative_to(here) and full != here else path.as_posix()
+
+
+_READABLE = "use another account, or a copy that this one may read"
+
+
+def _inventories_beside(inventory: Path) -> list[str]:
+    """Names of inventories in the same folder, as far as they may be read."""
+    result = []
+    with suppress(OSError):
+        for path in sorted(inventory.absolute().parent.iterdir()):
+            with suppress(OSError):
+                result += [path.name] if (path / HOSTS).is_file() else []
+    return result
+
+
+def _existing(inventory: Path) -> Path:
+    try:
+        return _found(inventory)
+    except OSError as error:
+        name, why = inventory, error.strerror
+        raise NothingMatched(f"the inventory directory {name} cannot be read: {why}", hint=_READABLE) from None
+
+
+def _found(inventory: Path) -> Path:
+    if not inventory.is_dir():
+        near = _inventories_beside(inventory)
+        hint = f"inventories here: {choices(near)}" if near else f"an inventory is a directory with {HOSTS} in it"
+        what = "is a file" if inventory.exists() else "does not exist"
+        raise NothingMatched(f"the inventory directory {inventory} {what}", hint=hint)
+    if not (inventory / HOSTS).exists():
+        there = [path.name for path in _entries(inventory)]
+        hint = f"it holds: {choices(there)}" if there else "it is empty"
+        raise NothingMatched(f"there is no {HOSTS} in {inventory}", hint=hint)
+    return inventory

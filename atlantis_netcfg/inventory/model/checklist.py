@@ -1,0 +1,208 @@
+"""What the pre-test checklist asks beside the endpoints: items of the pilot's own, missions, and who may answer.
+
+Stands under `checklist` of a site (`group_vars/<site>.yml`) and of a vehicle. The texts are asked as they stand here,
+and are never translated.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Self
+
+from pydantic import BeforeValidator, Field, StrictFloat, StrictInt, model_validator
+
+from atlantis_netcfg.core.reading_programs import PROGRAMS, allowed, names
+from atlantis_netcfg.inventory.model._base import Model, Name, Text, plain, text_like, wrong
+from atlantis_netcfg.inventory.model.endpoints import SeenFrom
+
+
+class Phase(StrEnum):
+    """When an item's turn is, in this order."""
+
+    BENCH = "bench"
+    QUAY = "quay"
+    WATER = "in water"
+    RECOVERY = "recovery"
+    """When the vehicles are back: a checklist of its own, with a signature of its own."""
+    INTEGRATION = "integration"
+    """When a robot joins the pilot: a record of its own for each robot, with a signature of its own."""
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether its items are a list by themselves."""
+        return self in {Phase.RECOVERY, Phase.INTEGRATION}
+
+
+class ItemSort(StrEnum):
+    """Who finds out."""
+
+    PERSON = "person"
+    """Somebody looks, and answers by name."""
+    COMMAND = "command"
+    """A program of the closed list is run, and what it prints is compared."""
+
+
+class EvidenceKind(StrEnum):
+    """What a person gives besides the answer that it holds."""
+
+    NONE = "none"
+    TEXT = "text"
+    NUMBER = "number"
+    """Read from a display or a meter; outside its range it does not pass."""
+    PHOTO = "photo"
+
+
+def _reading(value: object) -> str:
+    text = " ".join(plain(value).split())
+    if not allowed(tuple(text.split())):
+        first = text.partition(" ")[0]
+        if first in names():
+            raise wrong(
+                f"`{text}` is not a form of `{first}` that the checklist may run", "docs/check.md lists the forms"
+            )
+        known = ", ".join(names())
+        raise wrong(f"the checklist may not run `{text}`", f"it runs programs that only read: {known} (docs/check.md)")
+    return text
+
+
+ReadingCommand = Annotated[str, BeforeValidator(_reading), text_like(f"^({'|'.join(PROGRAMS)})$")]
+"""A command line of the closed list (`core/reading_programs.py`)."""
+_OF_A_PERSON = ("look_for", "evidence", "unit", "min", "max", "by")
+_OF_A_COMMAND = ("command", "expect", "seen_from")
+
+
+class CheckItem(Model):
+    """An item of the checklist that the pilot has thought of. The order of the list is that of the questions."""
+
+    id: Name
+    """Last part of the item's id in the list: `battery` of Sparus is `sparus/items/battery`."""
+    text: Text
+    """What is asked, or checked, in the words that people read."""
+    phase: Phase
+    """When its turn is. `recovery`, when the vehicles are back, and `integration` are lists of their own."""
+    kind: ItemSort = ItemSort.PERSON
+    """Who finds out."""
+    look_for: Text | None = None
+    """For a person, required: what tells that it is well."""
+    evidence: EvidenceKind = EvidenceKind.NONE
+    """For a person: what is given besides the answer, without which it does not pass."""
+    unit: Text | None = None
+    """Of a number, required."""
+    min: StrictFloat | None = None
+    """Of a number: less does not pass."""
+    max: StrictFloat | None = None
+    """Of a number: more does not pass."""
+    by: tuple[Text, ...] = ()
+    """For a person: names, or roles of the pilot, that alone may answer or override it; none: anybody."""
+    command: ReadingCommand | None = None
+    """For a command, required: what is run; programs that only read, from a closed list (docs/check.md)."""
+    expect: Text | None = None
+    """For a command, required: a whole line that it has to print; `*` stands for any characters."""
+    seen_from: SeenFrom = SeenFrom.GATEWAY
+    """For a command: where it is run."""
+
+    @model_validator(mode="after")
+    def _fits_its_kind(self) -> Self:
+        person = self.kind is ItemSort.PERSON
+        fields, names = type(self).model_fields, _OF_A_COMMAND if person else _OF_A_PERSON
+        others = [name for name in names if getattr(self, name) != fields[name].default]
+        if others:
+            raise wrong(
+                f"`{self.id}` is of kind {self.kind}, and has `{others[0]}`",
+                f"remove `{others[0]}:`, or correct `kind:`",
+            )
+        needed = ("look_for",) if person else ("command", "expect")
+        for name in needed:
+            if getattr(self, name) is None:
+                raise wrong(f"`{self.id}` is of kind {self.kind}, and has no `{name}`", f"add `{name}:`")
+        return self
+
+    @model_validator(mode="after")
+    def _fits_its_evidence(self) -> Self:
+        number = self.evidence is EvidenceKind.NUMBER
+        given = [name for name in ("unit", "min", "max") if getattr(self, name) is not None]
+        if given and not number:
+            raise wrong(
+                f"`{self.id}` has `{given[0]}`, but asks for no number", "write `evidence: number`, or remove it"
+            )
+        if number and self.unit is None:
+            raise wrong(f"`{self.id}` asks for a number, and has no `unit`", "add `unit:`, like V or bar")
+        if number and self.min is None and self.max is None:
+            raise wrong(f"`{self.id}` asks for a number, and no number would be wrong", "add `min:` or `max:`, or both")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise wrong(
+                f"`min: {self.min:g}` of `{self.id}` is above `max: {self.max:g}`", "write the smaller number at `min`"
+            )
+        return self
+
+
+class SiteCheckItem(CheckItem):
+    """The same, declared at a site or for a mission: of the site itself, or of a vehicle that is tested there."""
+
+    vehicle: Name | None = None
+    """Key of the vehicle that it is about; None: the site."""
+
+    @model_validator(mode="after")
+    def _is_of_a_robot(self) -> Self:
+        if self.phase is Phase.INTEGRATION and self.vehicle is None:
+            raise wrong(
+                f"`{self.id}` has `phase: integration`, and no vehicle", "add `vehicle:`: a record is one robot's"
+            )
+        return self
+
+
+class VehicleChecklist(Model):
+    """What the checklist asks of a vehicle besides its endpoints, wherever it is tested."""
+
+    items: tuple[CheckItem, ...] = ()
+    """In the order in which they are asked."""
+
+
+class Mission(Model):
+    """Items that are asked for one sort of test alone: `provision check site=SITE mission=NAME`."""
+
+    name: Name
+    """What `mission=` says."""
+    title: Text
+    """What people call it."""
+    items: Annotated[tuple[SiteCheckItem, ...], Field(min_length=1)]
+    """In the order in which they are asked."""
+
+
+class Role(Model):
+    """Who may answer, or sign, for a role."""
+
+    name: Name
+    """What `by` and `signed_by` say."""
+    people: Annotated[tuple[Text, ...], Field(min_length=1)]
+    """Their names, as they stand in the report. A name is what somebody types: nothing proves it."""
+
+
+class Geofence(Model):
+    """Where the robots of a site are when they are tested; decimal degrees, WGS 84."""
+
+    latitude: Annotated[StrictFloat, Field(ge=-90, le=90)]
+    """Of its centre, north is positive."""
+    longitude: Annotated[StrictFloat, Field(ge=-180, le=180)]
+    """Of its centre, east is positive."""
+    radius_m: Annotated[StrictFloat, Field(gt=0, le=100_000)]
+    """Positions may be so far from the centre, in metres."""
+
+
+class ChecklistSettings(Model):
+    """What the pre-test checklist of a site needs to know besides the devices."""
+
+    vehicles: tuple[Name, ...] | None = None
+    """Keys of the vehicles that are tested here; None: every vehicle of the pilot."""
+    geofence: Geofence | None = None
+    """Where they are then; None: positions are not compared with a place, and the report says so."""
+    answer_within_s: Annotated[StrictFloat, Field(gt=0, le=60)] | None = None
+    """What is sent to the control centre is answered in so many seconds, or the checklist fails; None: not judged."""
+    qualified_within_days: Annotated[StrictInt, Field(ge=1, le=3650)] = 30
+    """A measurement of a link (`provision qualify`) that is older proves nothing; 30 days are a proposal of ours."""
+    items: tuple[SiteCheckItem, ...] = ()
+    """What is asked here besides all else, in this order."""
+    missions: tuple[Mission, ...] = ()
+    """Lists that are asked on top, one of them at a time."""
+    signed_by: tuple[Text, ...] = ()
+    """Names, or roles of the pilot, that alone may sign the list; none: anybody."""

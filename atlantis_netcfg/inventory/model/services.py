@@ -1,0 +1,269 @@
+"""What runs on a computer for partners, and for ROS: services with their ports, programs and containers, recordings.
+
+`host_vars/<host>.yml`, key `device`.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import StrEnum
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import BeforeValidator, Field, StrictInt
+
+from atlantis_netcfg.inventory.model._base import (
+    Account,
+    Model,
+    Name,
+    SecretText,
+    Sha256,
+    Text,
+    Transport,
+    plain,
+    text_like,
+    wrong,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pydantic_core import PydanticCustomError
+
+
+def _command(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"/[!-~]+( +[!-~]+)*", text) or any(sign in text for sign in "%$\\'\"`"):
+        raise wrong(
+            f"`{text}` is no command", "the program's whole path and its arguments, like /opt/backend/run --port 8443"
+        )
+    return text
+
+
+def matching(pattern: str, refused: Callable[[str], PydanticCustomError]) -> BeforeValidator:
+    """A validator of texts that one pattern describes."""
+
+    def validated(value: object) -> str:
+        text = plain(value)
+        if ".." in text or not re.fullmatch(pattern.strip("^$"), text):
+            raise refused(text)
+        return text
+
+    return BeforeValidator(validated)
+
+
+def _master(value: object) -> str:
+    text = plain(value)
+    match = re.fullmatch(r"http://([0-9.]+):[0-9]{1,5}/?", text)
+    try:
+        IPv4Address(match[1] if match else "")
+    except ValueError:
+        raise wrong(f"`{text}` is no master of ROS 1", "its address and port, like http://192.0.2.10:11311") from None
+    return text.rstrip("/")
+
+
+_ARCHIVE = "^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
+_INSIDE = "^/(data|home|mnt|opt|srv|var)(/[A-Za-z0-9_][A-Za-z0-9._-]*)*$"
+_VARIABLE = "^[A-Z_][A-Z0-9_]{0,99}$"
+_MESSAGE_TYPE = "^[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*$"
+_ARGUMENTS = "^[A-Za-z0-9_./:=,@+-]+( +[A-Za-z0-9_./:=,@+-]+)*$"
+_TOPIC = "^(/[A-Za-z_][A-Za-z0-9_]*)+$"
+_FOLDER = r"^/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$"
+Topic = Annotated[
+    str,
+    matching(_TOPIC, lambda text: wrong(f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose")),
+    text_like(_TOPIC),
+]
+DataFolder = Annotated[
+    str,
+    matching(
+        _FOLDER,
+        lambda text: wrong(
+            f"`{text}` is no folder for a service's data", "its whole path below /srv, /var/lib or /mnt"
+        ),
+    ),
+    text_like(_FOLDER),
+]
+ArchiveName = Annotated[
+    str,
+    matching(
+        _ARCHIVE,
+        lambda text: wrong(f"`{text}` is no name of a file", "a file in `images` of the inventory, like backend.tar"),
+    ),
+    text_like(_ARCHIVE),
+]
+ContainerPath = Annotated[
+    str,
+    matching(
+        _INSIDE,
+        lambda text: wrong(
+            f"`{text}` is no place in a container", "like /data, or below /home, /mnt, /opt, /srv or /var"
+        ),
+    ),
+    text_like(_INSIDE),
+]
+VariableName = Annotated[
+    str,
+    matching(
+        _VARIABLE, lambda text: wrong(f"`{text}` is no name of a variable", "capitals, digits and _, like POSTGRES_DB")
+    ),
+    text_like(_VARIABLE),
+]
+Arguments = Annotated[
+    str,
+    matching(
+        _ARGUMENTS,
+        lambda text: wrong(f"`{text}` is no line of arguments", "words without quotation marks, like --port 18082"),
+    ),
+    text_like(_ARGUMENTS),
+]
+MessageType = Annotated[
+    str,
+    matching(
+        _MESSAGE_TYPE,
+        lambda text: wrong(f"`{text}` is no type of ROS 2", "package, msg and name, like std_msgs/msg/String"),
+    ),
+    text_like(_MESSAGE_TYPE),
+]
+
+
+class ServiceNetwork(StrEnum):
+    """From which of our own networks a service is reached."""
+
+    LAN = "lan"
+    """The LAN of its site."""
+    VPN = "vpn"
+    """Our own computers in the VPN: the infrastructure's pool."""
+
+
+class ServiceRestart(StrEnum):
+    """systemd's words for `Restart=`."""
+
+    ALWAYS = "always"
+    ON_FAILURE = "on-failure"
+
+
+class ServiceBounds(Model):
+    """Within which bounds a service runs."""
+
+    user: Account | None = None
+    """None: an account of its own, `svc-` and the service's name."""
+    data: DataFolder | None = None
+    """Its folder, the only one that it may write to; None: `/var/lib/svc-` and the service's name."""
+    memory_mb: Annotated[StrictInt, Field(ge=16)] = 1024
+    """It is ended and started anew when it takes more."""
+    restart: ServiceRestart = ServiceRestart.ALWAYS
+    """When it is started anew after it has ended."""
+
+
+class ServiceProgram(ServiceBounds):
+    """A program that the computer starts for a service."""
+
+    command: Annotated[str, BeforeValidator(_command), text_like("^/[!-~ ]+$")]
+    """With its arguments, from the root; a partner brings the program."""
+
+    @property
+    def path(self) -> str:
+        """The program itself, without its arguments."""
+        return self.command.split(" ", 1)[0]
+
+
+class ImageArchive(Model):
+    """An image of a container, in one file of `docker save` or `podman save`; no registry is ever contacted."""
+
+    archive: ArchiveName
+    """Name of the file in the folder `images` of the inventory."""
+    sha256: Sha256
+    """Of the file: `sha256sum` prints it. Another file is not loaded."""
+
+
+class EnvironmentVariable(Model):
+    """A variable of a container's environment: a value that everybody may see, or a secret."""
+
+    name: VariableName
+    """As the image's maker calls it."""
+    value: Text | None = None
+    """In one line."""
+    secret: SecretText | None = None
+    """In its place: vaulted, or EXAMPLE-…. In one line."""
+
+
+class ServiceContainer(ServiceBounds, ImageArchive):
+    """A container that the computer starts for a service."""
+
+    arguments: Arguments | None = None
+    """For the image's own program; None: those that the image has."""
+    data_at: ContainerPath = "/data"
+    """Where its folder stands in the container; everything else there can only be read, but /tmp."""
+    budget_mb: Annotated[StrictInt, Field(ge=1)]
+    """More than this in its folder, in 10^6 bytes, is told in every run; nothing is removed."""
+    environment: tuple[EnvironmentVariable, ...] = ()
+    """What the container is told by its environment."""
+
+
+class HostedService(Model):
+    """A service on a computer of ours: the port that is opened for it, for whom, and what runs."""
+
+    name: Annotated[Name, Field(max_length=20)]
+    """Small letters, digits and hyphens, 20 characters at most: its unit and its account bear it."""
+    transport: Transport = Transport.TCP
+    """What the service speaks: web, REST, OGC, WebSocket and socket.IO are all `tcp`."""
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
+    """At which it listens; None: at none."""
+    open_to: tuple[ServiceNetwork, ...] = ()
+    """Which of our own networks reach its port; none: the computer itself alone."""
+    partners: tuple[Name, ...] = ()
+    """Keys of `partners` whose devices reach its port through the VPN."""
+    program: ServiceProgram | None = None
+    """Neither this nor a container: whoever brings the service also starts it, and only its port is opened here."""
+    container: ServiceContainer | None = None
+    """In the place of a program."""
+
+    @property
+    def started(self) -> ServiceProgram | ServiceContainer | None:
+        """What the computer starts for it."""
+        return self.program or self.container
+
+
+class Recording(Model):
+    """Topics of ROS 2 that are written to the disk, as bags of rosbag2."""
+
+    topics: Annotated[tuple[Topic, ...], Field(min_length=1)]
+    """By their whole names."""
+    folder: DataFolder = "/var/lib/svc-recording"
+    """Nothing else stands in it."""
+    budget_mb: Annotated[StrictInt, Field(ge=80)]
+    """The oldest file goes before the folder holds more, in 10^6 bytes; it must fit on the disk beside all else."""
+
+
+ROS1_BRIDGE = "ros1-bridge"
+"""The name of the service that the bridge is."""
+
+
+class BridgedTopic(Model):
+    """A topic of ROS 1 and of ROS 2, which have the same name."""
+
+    topic: Topic
+    """Its whole name."""
+    type: MessageType
+    """As ROS 2 calls it."""
+
+
+class Ros1Bridge(Model):
+    """`ros1_bridge`: topics of a ROS 1 robot in ROS 2, and back. A package beside foxy, elsewhere in a container."""
+
+    archive: ArchiveName | None = None
+    """Of its image, in the folder `images` of the inventory; None: beside foxy, which has a package."""
+    sha256: Sha256 | None = None
+    """Of that file: `sha256sum` prints it. Another file is not loaded."""
+    master_uri: Annotated[str, BeforeValidator(_master), text_like(r"^http://[0-9.]+:[0-9]{1,5}/?$")]
+    """ROS_MASTER_URI: the master of ROS 1, by its address. That computer reaches the bridge at any port of its own."""
+    topics: tuple[BridgedTopic, ...] = ()
+    """None: all that there are on both sides."""
+    memory_mb: Annotated[StrictInt, Field(ge=16)] = 512
+    """It is ended and started anew when it takes more."""
+
+    @property
+    def master(self) -> IPv4Address:
+        """Where the master of ROS 1 is."""
+        return IPv4Address(self.master_uri.removeprefix("http://").partition(":")[0])

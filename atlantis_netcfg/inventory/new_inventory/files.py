@@ -1,0 +1,496 @@
+"""The files of a new inventory: a function of the answers, of what encrypts a secret, and of the report's vehicles.
+
+What is derived (the router's address in a network, the order of its ports) is an example where its network is one.
+"""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass, field
+from ipaddress import IPv4Network
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.inventory._hosts import KIND_GROUPS
+from atlantis_netcfg.inventory.json_schema import modeline
+from atlantis_netcfg.inventory.model import LteDriver, RosDistribution
+from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, Vaulted, document, has_examples
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from atlantis_netcfg.inventory.model import LinkRate
+    from atlantis_netcfg.inventory.new_inventory.answers import (
+        BridgeAnswers,
+        CableAnswers,
+        CentreAnswers,
+        InventoryAnswers,
+        SiteAnswers,
+    )
+
+ZONES = {"portugal": "Europe/Lisbon", "belgium": "Europe/Brussels"}
+PARTNERS = {
+    "inesc": "INESC TEC",
+    "iqua": "IQUA Robotics",
+    "eca": "ECA",
+    "udg": "Universitat de Girona",
+    "vtt": "VTT",
+}
+"""Organisations of the report, in its order."""
+_PORTS = 8
+_CERTUS = {"rtt_ms": 700, "up_kbps": 352, "down_kbps": 704}
+"""Iridium Certus as the report's terminal has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnsweredNetwork:
+    """A network, and whether it is an example."""
+
+    network: IPv4Network
+    is_example: bool
+
+    @property
+    def value(self) -> Value:
+        """The network itself."""
+        return Value(self.network, self.is_example)
+
+    def at(self, number: int) -> Value:
+        """Its address of that number; a negative one counts from the end."""
+        return Value(self.network[number], self.is_example)
+
+
+def network_or_example(answer: IPv4Network | None, example: str) -> AnsweredNetwork:
+    """The answered network, else the example."""
+    return AnsweredNetwork(answer if answer is not None else IPv4Network(example), answer is None)
+
+
+def value_or_example(answer: Any, example: Any) -> Value:  # noqa: ANN401 - any scalar
+    """The answered value, else the example."""
+    return Value(answer if answer is not None else example, answer is None)
+
+
+@dataclass(slots=True)
+class InventoryWriter:
+    """Collects the files of one inventory."""
+
+    answers: InventoryAnswers
+    vehicles: Mapping[str, Mapping[str, Any]]
+    """Of the report, without endpoints."""
+    encrypt: Callable[[str], str] | None
+    """None: nobody has a password for the vault, so secrets are examples."""
+    hosts: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Site -> host -> kind."""
+    trees: dict[str, tuple[str, str, dict[str, Tree]]] = field(default_factory=dict)
+    """File -> its first comment, its schema, what it holds."""
+
+    @property
+    def centre(self) -> CentreAnswers:
+        """The answers about the control centre."""
+        return self.answers.control_centre
+
+    @property
+    def vpn(self) -> AnsweredNetwork:
+        """All tunnel addresses."""
+        return network_or_example(self.answers.vpn.network, "10.80.0.0/16")
+
+    @property
+    def pools(self) -> list[IPv4Network]:
+        """The first is the infrastructure's, the others are the partners'."""
+        pools = self.vpn.network.subnets(new_prefix=24)
+        return [next(pools) for _ in range(1 + len(PARTNERS))]
+
+    def tunnel(self, number: int) -> Value:
+        """An address of the infrastructure's pool."""
+        return Value(self.pools[0][number], self.vpn.is_example)
+
+    def secret(self, name: str) -> Tree:
+        """A new secret, encrypted; an example where nothing can encrypt it."""
+        if self.encrypt is None:
+            return Value(f"EXAMPLE-{name}", is_example=True)
+        return Vaulted(self.encrypt(secrets.token_urlsafe(18)))
+
+    def add(self, site: str, host: str, kind: str, comment: str, device: Mapping[str, Tree]) -> None:
+        """One more host with its file."""
+        self.hosts.setdefault(site, {})[host] = kind
+        tree: dict[str, Tree] = {"device": {"kind": kind, **device}}
+        self.trees[f"host_vars/{host}.yml"] = (comment, kind, tree)
+
+
+def files(
+    answers: InventoryAnswers, vehicles: Mapping[str, Mapping[str, Any]], encrypt: Callable[[str], str] | None
+) -> dict[str, str]:
+    """Every file of the inventory by its path below it."""
+    writer = InventoryWriter(answers, vehicles, encrypt)
+    _control_centre(writer)
+    for number, (name, place) in enumerate(answers.sites.items(), start=1):
+        _site(writer, number, name, place)
+    _partners(writer)
+    _vehicles(writer)
+    is_example = any(has_examples(tree) for _, _, tree in writer.trees.values()) or has_examples(
+        _pilot(writer, example_values=False)
+    )
+    pilot: dict[str, Tree] = {"pilot": _pilot(writer, example_values=is_example)}
+    writer.trees["group_vars/all/pilot.yml"] = ("What holds for the whole pilot.", "pilot", pilot)
+    writer.trees["hosts.yml"] = (
+        "Every host of the pilot: once under its site, once under what it is.",
+        "hosts",
+        _hosts(writer),
+    )
+    return {path: _text(path, *row) for path, row in sorted(writer.trees.items())}
+
+
+def _text(path: str, comment: str, schema: str, tree: dict[str, Tree]) -> str:
+    comments = [modeline(schema, path.count("/")), f"# {comment}"]
+    if "host_vars/" in path:
+        comments.append("# Secrets: ansible-vault encrypt_string --stdin-name password")
+    if has_examples(tree):
+        comments.append(
+            "# Replace what is marked EXAMPLE, and delete the mark: `provision validate --examples` lists it."
+        )
+    return document(tree, comments)
+
+
+def _hosts(writer: InventoryWriter) -> dict[str, Tree]:
+    sites: dict[str, Tree] = {site: {"hosts": dict.fromkeys(hosts, None)} for site, hosts in writer.hosts.items()}
+    groups: dict[str, Tree] = {"sites": {"children": sites}}
+    for group, kind in KIND_GROUPS.items():
+        found = [host for hosts in writer.hosts.values() for host, sort in hosts.items() if sort == kind]
+        if found:
+            groups[group] = {"hosts": dict.fromkeys(found, None)}
+    return {"all": {"children": groups}}
+
+
+def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, Tree]:
+    answers = writer.answers
+    servers = answers.pilot.time_servers or (None,)
+    example = ("ntp.example.org", "192.0.2.123")
+    names = [
+        value_or_example(None if server is None else f"time server {n}", example[0])
+        for n, server in enumerate(servers, 1)
+    ]
+    pilot: dict[str, Tree] = {
+        "name": answers.pilot.name,
+        "example_values": example_values,
+        "country": answers.pilot.country,
+        "time_zone": answers.pilot.time_zone or ZONES[answers.pilot.country],
+        "time_servers": [
+            {"name": name, "address": value_or_example(server, example[1])}
+            for name, server in zip(names, servers, strict=True)
+        ],
+        "vpn": {
+            "server": f"{writer.centre.name}-vpn",
+            "endpoint": value_or_example(answers.vpn.endpoint, "203.0.113.2"),
+            "endpoint_name": value_or_example(answers.vpn.endpoint_name, "vpn.example.org"),
+            "port": 1194,
+            "transport": "udp",
+            "network": writer.vpn.value,
+            "infrastructure": Value(writer.pools[0], writer.vpn.is_example),
+        },
+    }
+    if (release := answers.pilot.ros_distribution) is not None:
+        pilot["dds"] = {"distribution": release.value, "over": "vpn"}
+        origin = "snapshot" if release is RosDistribution.FOXY else "live"
+        pilot["gateways"] = {"ros2": {"origin": origin}}
+    return pilot
+
+
+def _partners(writer: InventoryWriter) -> None:
+    chosen = writer.answers.pilot.partners
+    rows: dict[str, Tree] = {
+        name: {"full_name": PARTNERS[name], "vpn_pool": Value(pool, writer.vpn.is_example)}
+        for name, pool in zip(chosen, writer.pools[1:], strict=False)
+    }
+    comment = "Organisations that join through the VPN, each with a pool of tunnel addresses of its own."
+    writer.trees["group_vars/all/partners.yml"] = (comment, "partners", {"partners": rows})
+
+
+def _vehicles(writer: InventoryWriter) -> None:
+    rows: dict[str, Tree] = {}
+    for key, vehicle in writer.vehicles.items():
+        partner = vehicle.get("partner")
+        row = {name: value for name, value in vehicle.items() if name not in {"endpoints", "telemetry"}}
+        row["partner"] = partner if partner in writer.answers.pilot.partners else None
+        row["aliases"] = tuple(vehicle.get("aliases", ()))
+        row["table3"] = tuple(vehicle["table3"])
+        rows[key] = {name: Value(value) if isinstance(value, tuple) else value for name, value in row.items()}
+    comment = "The vehicles of the report's Table 3. Without `endpoints:` a person confirms each."
+    writer.trees["group_vars/all/vehicles.yml"] = (comment, "vehicles", {"vehicles": rows})
+
+
+def _lan(lan: AnsweredNetwork, name: str, place: SiteAnswers | CentreAnswers) -> dict[str, Tree]:
+    half = lan.network.num_addresses // 2
+    return {
+        "network": lan.value,
+        "gateway": lan.at(1),
+        "domain": value_or_example(place.domain, f"{name}.example.org"),
+        "dhcp": {"first": lan.at(half), "last": lan.at(-2)},
+    }
+
+
+def _management(writer: InventoryWriter, management: AnsweredNetwork) -> dict[str, Tree]:
+    is_example = management.is_example or writer.vpn.is_example
+    return {
+        "network": management.value,
+        "technician": management.at(10),
+        "admit": Value((management.network, writer.pools[0]), is_example),
+    }
+
+
+def _rate(rate: LinkRate | None, example: Mapping[str, float]) -> dict[str, Tree]:
+    return {key: value_or_example(getattr(rate, key, None), value) for key, value in example.items()}
+
+
+def _canaries(answer: tuple[Any, ...], number: int, *, needed: bool) -> dict[str, Tree]:
+    if answer:
+        return {"canaries": Value(answer)}
+    if not needed:
+        return {}
+    return {"canaries": Value((f"198.51.100.{number}", f"198.51.100.{number + 1}"), is_example=True)}
+
+
+def _ports(place: SiteAnswers | CentreAnswers, links: list[str]) -> Tree:
+    """Links first, the technician last, the local network between."""
+    is_example = place.router_ports is None
+    count = place.router_ports or max(_PORTS, len(links) + 2)
+    ports: list[Tree] = [
+        {"name": Value(f"ether{number}", is_example), "use": "link", "link": link}
+        for number, link in enumerate(links, start=1)
+    ]
+    ports += [{"name": Value(f"ether{n}", is_example), "use": "lan"} for n in range(len(links) + 1, count)]
+    return [*ports, {"name": Value(f"ether{count}", is_example), "use": "management"}]
+
+
+def _access(writer: InventoryWriter, address: Value) -> dict[str, Tree]:
+    return {"address": address, "user": "provision", "password": writer.secret("password")}
+
+
+def _bridge_names(writer: InventoryWriter, site: str) -> tuple[str, str]:
+    """The bridge's name at the control centre, and the CPE there; one bridge needs no site in its name."""
+    bridged = [name for name, place in writer.answers.sites.items() if place.wifi_bridge is not None]
+    centre = writer.centre.name
+    return ("wifi-ptp", f"{centre}-cpe") if len(bridged) == 1 else (f"wifi-{site}", f"{centre}-cpe-{site}")
+
+
+def _bridge_plan(number: int, bridge: BridgeAnswers) -> AnsweredNetwork:
+    return network_or_example(bridge.network, f"10.10.{number}.0/29")
+
+
+def _control_centre(writer: InventoryWriter) -> None:
+    centre = writer.centre
+    lan = network_or_example(centre.lan, "10.64.0.0/24")
+    management = network_or_example(centre.management, "10.64.100.0/24")
+    bridged = [
+        (number, name, place.wifi_bridge)
+        for number, (name, place) in enumerate(writer.answers.sites.items(), start=1)
+        if place.wifi_bridge is not None
+    ]
+    served: list[Tree] = [
+        {
+            "name": _bridge_names(writer, name)[0],
+            "device": _bridge_names(writer, name)[1],
+            "network": _bridge_plan(number, bridge).value,
+            "address": _bridge_plan(number, bridge).at(1),
+            "carries": name,
+        }
+        for number, name, bridge in bridged
+    ]
+    site: dict[str, Tree] = {
+        "title": centre.title or centre.name,
+        "lan": _lan(lan, centre.name, centre),
+        "management": _management(writer, management),
+        "bearers": [_cable(centre.uplink, "uplink", "203.0.113.0/29", 1, needs_canaries=False)],
+    }
+    if served:
+        site["served_links"] = served
+    site["checklist"] = {"vehicles": []}
+    writer.trees[f"group_vars/{centre.name}.yml"] = (
+        "The control centre: far end of all links.",
+        "site",
+        {"site": site},
+    )
+    links = ["uplink", *(_bridge_names(writer, name)[0] for _, name, _ in bridged)]
+    writer.add(
+        centre.name,
+        f"{centre.name}-router",
+        "router",
+        "Router of the control centre.",
+        {
+            "access": _access(writer, management.at(1)),
+            "ports": _ports(centre, links),
+            "forwards": [{"transport": "udp", "port": 1194, "to": f"{centre.name}-vpn"}],
+        },
+    )
+    writer.add(
+        centre.name,
+        f"{centre.name}-vpn",
+        "vpn_server",
+        "Runs the OpenVPN server.",
+        {"address": lan.at(10), "vpn_address": writer.tunnel(1)},
+    )
+    if centre.computer:
+        writer.add(
+            centre.name,
+            f"{centre.name}-control",
+            "control_centre",
+            "Runs the control centre's services.",
+            {"address": lan.at(11), "vpn_address": writer.tunnel(2)},
+        )
+
+
+def _cable(cable: CableAnswers, name: str, example: str, number: int, *, needs_canaries: bool) -> dict[str, Tree]:
+    network = network_or_example(cable.network, example)
+    return {
+        "name": name,
+        "kind": "ethernet",
+        "metered": False,
+        "network": network.value,
+        "address": Value(cable.address) if cable.address is not None else network.at(2),
+        "gateway": Value(cable.gateway) if cable.gateway is not None else network.at(1),
+        **_canaries(cable.canaries, number, needed=needs_canaries),
+        "rate": _rate(cable.rate, {"rtt_ms": 10, "up_kbps": 100_000, "down_kbps": 100_000}),
+    }
+
+
+def _site(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -> None:
+    lan = network_or_example(place.lan, f"10.64.{number}.0/24")
+    management = network_or_example(place.management, f"10.64.{100 + number}.0/24")
+    bearers = _bearers(number, name, place)
+    site: dict[str, Tree] = {
+        "title": place.title or name,
+        "lan": _lan(lan, name, place),
+        "management": _management(writer, management),
+        "bearers": bearers,
+        "location": {"table3": []},
+    }
+    writer.trees[f"group_vars/{name}.yml"] = (
+        f"The test site {name}; its links in order of preference.",
+        "site",
+        {"site": site},
+    )
+    links = [str(bearer["name"]) for bearer in bearers]
+    router = f"{name}-router"
+    writer.add(
+        name,
+        router,
+        "router",
+        f"Router of {name}.",
+        {
+            "access": _access(writer, management.at(1)),
+            "ports": _ports(place, links),
+            "vpn_client": {
+                "certificate": "atlantis-vpn",
+                "user": router[:27],
+                "password": writer.secret("vpn"),
+                "address": writer.tunnel(10 + number),
+            },
+        },
+    )
+    _boxes(writer, number, name, place)
+    if place.gateway is not None:
+        gateway: dict[str, Tree] = {"address": lan.at(10), "vpn_address": writer.tunnel(100 + number)}
+        if place.gateway.ssh_key is not None:
+            gateway["image"] = {"layout": place.gateway.layout.value, "ssh_keys": [place.gateway.ssh_key]}
+        writer.add(name, f"{name}-gateway", "gateway", f"Data gateway computer of {name}.", gateway)
+
+
+def _bearers(number: int, name: str, place: SiteAnswers) -> list[dict[str, Tree]]:
+    kinds = [place.wifi_bridge, place.cable, place.lte, place.satellite]
+    several = len([kind for kind in kinds if kind is not None]) > 1
+    first = 10 * number
+    bearers: list[dict[str, Tree]] = []
+    if (bridge := place.wifi_bridge) is not None:
+        network = _bridge_plan(number, bridge)
+        bearers.append(
+            {
+                "name": "wifi-ptp",
+                "kind": "wifi_ptp",
+                "device": f"{name}-cpe",
+                "metered": False,
+                "network": network.value,
+                "address": network.at(2),
+                "gateway": network.at(1),
+                **_canaries(bridge.canaries, first, needed=several),
+                "rate": _rate(bridge.rate, {"rtt_ms": 4, "up_kbps": 50_000, "down_kbps": 50_000}),
+            }
+        )
+    if place.cable is not None:
+        example = f"10.13.{number}.0/29"
+        bearers.append(_cable(place.cable, "cable", example, first + 2, needs_canaries=several))
+    if (lte := place.lte) is not None:
+        rate = _rate(lte.rate, {"rtt_ms": 60, "up_kbps": 20_000, "down_kbps": 20_000})
+        canaries = _canaries(lte.canaries, first + 4, needed=several)
+        bearers.append(
+            _metered(
+                "4g", "lte", f"{name}-4g", network_or_example(lte.network, f"10.11.{number}.0/29"), lte.price_per_mb
+            )
+        )
+        bearers[-1].update({**canaries, "rate": rate})
+    if (satellite := place.satellite) is not None:
+        network = network_or_example(satellite.network, f"10.12.{number}.0/29")
+        bearers.append(_metered("satellite", "satellite", f"{name}-sat", network, satellite.price_per_mb))
+        bearers[-1]["rate"] = dict(_CERTUS)
+    return bearers
+
+
+def _metered(name: str, kind: str, device: str, network: AnsweredNetwork, price: float | None) -> dict[str, Tree]:
+    billing: dict[str, Tree] = {} if price is None else {"billing": {"price_per_mb": float(price)}}
+    return {
+        "name": name,
+        "kind": kind,
+        "device": device,
+        "metered": True,
+        **billing,
+        "network": network.value,
+        "address": network.at(2),
+        "gateway": network.at(1),
+    }
+
+
+def _boxes(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -> None:
+    """The boxes of the links."""
+    if place.wifi_bridge is not None:
+        _bridge(writer, number, name, place.wifi_bridge)
+    if (lte := place.lte) is not None:
+        unit: dict[str, Tree] = {
+            "address": network_or_example(lte.network, f"10.11.{number}.0/29").at(1),
+            "driver": lte.driver.value,
+        }
+        if lte.driver in {LteDriver.ROUTEROS, LteDriver.RUTOS}:
+            unit["access"] = {"user": "provision", "password": writer.secret("password")}
+        if lte.apn is not None:
+            unit["sim"] = {"apn": lte.apn}
+        writer.add(name, f"{name}-4g", "lte_router", f"4G unit of {name}.", unit)
+    if (satellite := place.satellite) is not None:
+        address = network_or_example(satellite.network, f"10.12.{number}.0/29").at(1)
+        terminal: dict[str, Tree] = {"model": "Thales VesseLINK", "address": address}
+        writer.add(name, f"{name}-sat", "satellite_terminal", f"Satellite terminal of {name}.", terminal)
+
+
+def _bridge(writer: InventoryWriter, number: int, name: str, bridge: BridgeAnswers) -> None:
+    far = _bridge_names(writer, name)[1]
+    near = f"{name}-cpe"
+    network = _bridge_plan(number, bridge)
+    key = writer.secret("bridge-key")
+    radio: dict[str, Tree] = {
+        "ssid": value_or_example(bridge.ssid, f"EXAMPLE-{name}"),
+        "protocol": bridge.protocol,
+        "standard": "802.11ac",
+        "band": "5ghz",
+        "frequency_mhz": value_or_example(bridge.frequency_mhz, 5500),
+        "width_mhz": 20,
+        "country": writer.answers.pilot.country,
+        "outdoor": True,
+        "key": key,
+        "tx_power_dbm": value_or_example(bridge.tx_power_dbm, 10),
+        "antenna_gain_dbi": value_or_example(bridge.antenna_gain_dbi, 16),
+        "distance_m": value_or_example(bridge.distance_m, 150),
+    }
+    comment = "Both ends of a bridge agree on everything below `ptp` but `peer` and `mode`."
+    for site, host, peer, mode, address in (
+        (writer.centre.name, far, near, "access_point", 3),
+        (name, near, far, "station", 4),
+    ):
+        device: dict[str, Tree] = {
+            "access": _access(writer, network.at(address)),
+            "ptp": {"peer": peer, "mode": mode, **radio},
+        }
+        writer.add(site, host, "cpe", comment, device)

@@ -1,0 +1,228 @@
+"""The questions of `provision init` on a terminal. An answer is judged when it is typed, and asked again if wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ValidationError
+
+from atlantis_netcfg.inventory import _schema
+from atlantis_netcfg.inventory._yaml import Node
+from atlantis_netcfg.inventory.findings import Mark, why_no_name
+from atlantis_netcfg.inventory.model import LinkRate
+from atlantis_netcfg.inventory.new_inventory.answers import (
+    MOST_SITES,
+    BridgeAnswers,
+    CableAnswers,
+    CentreAnswers,
+    GatewayAnswers,
+    LteAnswers,
+    PilotAnswers,
+    SatelliteAnswers,
+    SiteAnswers,
+    VpnAnswers,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+YES = frozenset({"yes", "y", "sim", "s"})
+NO = frozenset({"no", "n", "não", "nao", ""})
+_HERE = Mark("answer", 1, 1)
+_EXAMPLE = "an EXAMPLE value"
+_NOTHING = "left out"
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A question for one key of a block."""
+
+    key: str
+    text: str
+    without: str = _EXAMPLE
+    """What Enter alone gives; empty: there has to be an answer."""
+
+
+_RATE = Question("rate", "Round trip in ms, kbit/s up and down (60 20000 20000)")
+_CANARIES = Question("canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed")
+_PLACE = (
+    Question("title", "What people call it", "its short name"),
+    Question("lan", "Local network (like 10.20.1.0/24)"),
+    Question("management", "Network of the management port (like 10.20.101.0/24)"),
+    Question("domain", "DNS suffix of the local network"),
+    Question("router_ports", "Ethernet ports of the router"),
+)
+_PILOT = (
+    Question("name", "Name of the pilot", ""),
+    Question("country", "Country of the radios (portugal, belgium)", ""),
+    Question("time_zone", "Time zone", "that of the country"),
+    Question("time_servers", "Addresses of time servers"),
+    Question("ros_distribution", "ROS 2 of the gateways (foxy, humble, jazzy)", "neither ROS nor DDS"),
+    Question("partners", "Partners in the VPN (inesc, iqua, eca, udg, vtt)", "none"),
+)
+_VPN = (
+    Question("endpoint", "Public address of the VPN's server"),
+    Question("endpoint_name", "DNS name of the VPN's server"),
+    Question("network", "Tunnel addresses, /20 or larger (like 10.80.0.0/16)"),
+)
+_CABLE = (
+    Question("network", "Network between router and provider"),
+    Question("address", "The router's address in it", "its second address"),
+    Question("gateway", "The provider's box in it", "its first address"),
+    _RATE,
+)
+_BRIDGE = (
+    Question("network", "Network of the bridge, /29 or larger"),
+    Question("ssid", "Name of the radio network (SSID)"),
+    Question("protocol", "What the radios speak (nv2, 802.11)", "nv2"),
+    Question("frequency_mhz", "Frequency in MHz (5 GHz band)"),
+    Question("distance_m", "Distance in metres"),
+    Question("antenna_gain_dbi", "Gain of the antennas in dBi"),
+    Question("tx_power_dbm", "Power of the radios in dBm"),
+    _CANARIES,
+    _RATE,
+)
+_LTE = (
+    Question("network", "Network between router and 4G unit, /29 or larger"),
+    Question("driver", "Unit (routeros, rutos, modemmanager, manual)", "manual: a person looks"),
+    Question("apn", "APN of the SIM's contract", "the network's own"),
+    Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
+    _CANARIES,
+    _RATE,
+)
+_SATELLITE = (
+    Question("network", "Network between router and terminal, /29 or larger"),
+    Question("price_per_mb", "Price of the contract in EUR for 1 MB", _NOTHING),
+)
+_GATEWAY = (Question("ssh_key", "A technician's public SSH key (line of the .pub file)", "no card is made"),)
+_PARTS: Sequence[tuple[str, str, type[BaseModel], Sequence[Question]]] = (
+    ("wifi_bridge", "Is there a Wi-Fi bridge to the control centre?", BridgeAnswers, _BRIDGE),
+    ("cable", "Is there a cable to a provider?", CableAnswers, (*_CABLE[:-1], _CANARIES, _RATE)),
+    ("lte", "Is there a 4G unit?", LteAnswers, _LTE),
+    ("satellite", "Is there a satellite terminal?", SatelliteAnswers, _SATELLITE),
+    ("gateway", "Is there a data gateway computer?", GatewayAnswers, _GATEWAY),
+)
+_LINKS = ("wifi_bridge", "cable", "lte", "satellite")
+
+
+class Interview:
+    """Asks a person, and gives the answers as `InventoryAnswers` takes them."""
+
+    def __init__(self, ask: Callable[[str], str], tell: Callable[[str], None]) -> None:
+        self.ask = ask
+        self.tell = tell
+
+    def answers(self) -> dict[str, Any]:
+        """Everything, in order."""
+        self.tell("The pilot")
+        pilot = self.block(PilotAnswers, _PILOT)
+        self.tell("The VPN")
+        vpn = self.block(VpnAnswers, _VPN)
+        self.tell("The control centre, the far end of all links")
+        (name,) = self.names("Short name of it", "scc")
+        centre = {"name": name, **self.block(CentreAnswers, _PLACE)}
+        self.tell("Its link to the rest of the world")
+        centre["uplink"] = self.block(CableAnswers, _CABLE)
+        centre["computer"] = self.yes("Is there a computer for its services?")
+        sites = {}
+        for site in self.names("Short names of the test sites, with commas between", "", other=name):
+            self.tell(f"The test site {site}")
+            sites[site] = self.site()
+        return {"pilot": pilot, "vpn": vpn, "control_centre": centre, "sites": sites}
+
+    def site(self) -> dict[str, Any]:
+        """One test site, with at least one link."""
+        place = self.block(SiteAnswers, _PLACE)
+        while True:
+            for key, text, model, questions in _PARTS:
+                if key not in place and self.yes(text):
+                    place[key] = self.block(model, questions)
+            if any(link in place for link in _LINKS):
+                return place
+            self.tell("A site needs a link: a bridge, a cable, 4G or a satellite.")
+
+    def yes(self, text: str) -> bool:
+        """Whether the answer is yes."""
+        while True:
+            answer = self.ask(f"{text} (yes/no) [no]: ").strip().lower()
+            if answer in YES | NO:
+                return answer in YES
+            self.tell("Type yes or no.")
+
+    def names(self, text: str, default: str, other: str = "") -> list[str]:
+        """One name or several, none of them twice."""
+        while True:
+            answer = self.ask(f"{text} [{default}]: " if default else f"{text}: ").strip() or default
+            names = [name.strip() for name in answer.split(",") if name.strip()]
+            problems = [f"{why[0]}: {why[1]}" for name in names if (why := why_no_name(name))]
+            if default and len(names) > 1:
+                problems.append("Type one name.")
+            if len(names) > MOST_SITES:
+                problems.append(f"There is room for {MOST_SITES} sites.")
+            if not names or len(set(names)) < len(names) or other in names:
+                problems.append("Type a name for each, none of them twice.")
+            if not problems:
+                return names
+            self.tell(problems[0])
+
+    def block(self, model: type[BaseModel], questions: Sequence[Question]) -> dict[str, Any]:
+        """The answers to the questions about a block; what is not answered is not in it."""
+        given = {question.key: self.answer(model, question) for question in questions}
+        return {key: value for key, value in given.items() if value is not None}
+
+    def answer(self, model: type[BaseModel], question: Question) -> Any:  # noqa: ANN401 - as YAML has it
+        """The answer to a question; None where there is none."""
+        prompt = f"{question.text} [{question.without}]: " if question.without else f"{question.text}: "
+        while True:
+            typed = self.ask(prompt).strip()
+            if not typed and question.without:
+                return None
+            value = converted(model.model_fields[question.key].annotation, typed)
+            problem = wrong(model, question.key, value)
+            if problem is None:
+                return value
+            self.tell(problem)
+
+
+def converted(annotation: Any, typed: str) -> Any:  # noqa: ANN401 - a type, and what YAML holds
+    """What was typed, as YAML would have read it in a file."""
+    if _schema.model_of(annotation) is LinkRate:
+        numbers = [_number(part) for part in typed.replace(",", " ").split()]
+        required = [key for key, field in LinkRate.model_fields.items() if field.is_required()]
+        return dict(zip(required, numbers, strict=True)) if len(numbers) == len(required) else typed
+    item = _schema.item_of(annotation)
+    if item is not None:
+        return [converted(item, part) for part in typed.replace(",", " ").split()]
+    return _number(typed) if _schema.unwrap(annotation) in {int, float} else typed
+
+
+def _number(typed: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(typed)
+        except ValueError:
+            continue
+    return typed
+
+
+def wrong(model: type[BaseModel], key: str, value: Any) -> str | None:  # noqa: ANN401 - as YAML has it
+    """What is wrong with an answer and what to type instead; None if nothing is."""
+    try:
+        model.model_validate({key: value})
+    except ValidationError as error:
+        errors = error.errors(include_url=False, include_input=False)
+        found = next((item for item in errors if item["loc"][:1] == (key,)), None)
+        if found is None:
+            return None
+        finding = _schema.explain(found, Node(_HERE, {key: _node(value)}), model, "answer")
+        return f"{finding.message}: {finding.hint}"
+    return None
+
+
+def _node(value: Any) -> Node:  # noqa: ANN401 - as YAML has it
+    if isinstance(value, list):
+        return Node(_HERE, [_node(item) for item in value])
+    if isinstance(value, dict):
+        return Node(_HERE, {key: _node(item) for key, item in value.items()})
+    return Node(_HERE, value, str(value), plain=True)

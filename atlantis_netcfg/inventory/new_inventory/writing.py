@@ -1,0 +1,82 @@
+"""A new folder with an inventory: all of its files or none, and only if the whole of it is valid."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.atomic_files import draft_of
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.inventory import json_schema
+from atlantis_netcfg.inventory.findings import InventoryInvalid
+from atlantis_netcfg.inventory.loader import load
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.inventory.findings import Finding
+    from atlantis_netcfg.inventory.inventory import Declaration
+
+README = "README.md"
+
+
+def refuse_used(folder: Path) -> None:
+    """Raise UsageError unless the folder is new or empty, and the one above it is there."""
+    another = "name a folder that does not exist yet"
+    if folder.is_dir():
+        if any(folder.iterdir()):
+            raise UsageError(f"{folder} has something in it, so nothing was written", hint=another)
+    elif folder.exists() or folder.is_symlink():
+        raise UsageError(f"{folder} is no folder", hint=another)
+    elif not folder.absolute().parent.is_dir():
+        raise UsageError(f"the folder above {folder} does not exist", hint=f"mkdir -p {folder.parent}")
+
+
+def create(folder: Path, files: Mapping[str, str]) -> Declaration:
+    """Write the files with their schemas and read them back; UsageError and InventoryInvalid leave nothing behind."""
+    refuse_used(folder)
+    target = folder.absolute()
+    scratch = draft_of(target)
+    try:
+        scratch.mkdir()
+        for name, text in files.items():
+            path = scratch / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        json_schema.write(scratch)
+        _check(scratch, folder)
+        scratch.rename(target)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise UsageError(f"{folder} cannot be written: {reason}", hint="name another folder") from error
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return load(folder)
+
+
+def _check(scratch: Path, folder: Path) -> None:
+    """Raise InventoryInvalid with the names that the files would have had."""
+    try:
+        load(scratch)
+    except InventoryInvalid as error:
+        names = (str(scratch), scratch.name)
+        raise InventoryInvalid(_renamed(finding, names, str(folder)) for finding in error.findings) from error
+
+
+def _renamed(finding: Finding, names: Sequence[str], folder: str) -> Finding:
+    """The finding as if the folder had its final name already."""
+    for name in names:
+        texts = {key: getattr(finding, key).replace(name, folder) for key in ("file", "message", "hint")}
+        finding = replace(finding, **texts)
+    return finding
+
+
+def example_files(shipped: Path) -> dict[str, str]:
+    """The shipped inventory: what lies hidden is made anew."""
+    return {
+        path.relative_to(shipped).as_posix(): path.read_text(encoding="utf-8")
+        for path in sorted(shipped.rglob("*"))
+        if path.is_file() and not any(part.startswith(".") for part in path.relative_to(shipped).parts)
+    }

@@ -1,0 +1,153 @@
+"""How the partners' files call the keys: `robots/keys.yml` of the inventory, ours on the left and theirs on the right.
+
+    keys:
+      mission_executor: executor                # at its own place
+      telemetry.booleans: interfaces.bool       # elsewhere in the file
+      label: name                               # wherever a `label` may stand
+    ignored: [robot_colour]                     # keys of theirs that are not read
+    configuration_topic: /atlantis/configuration    # on which robots publish their files
+
+Our own words are understood as well.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory._schema import item_of, model_of
+from atlantis_netcfg.inventory.findings import Finding, meant, shown_key
+from atlantis_netcfg.inventory.model.robot import RobotFile
+from atlantis_netcfg.inventory.robots.ros_names import why_no_name
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from pydantic import BaseModel
+
+    from atlantis_netcfg.inventory._yaml import Node
+
+KEY = r"[A-Za-z_][\w-]*(\.[A-Za-z_][\w-]*)*"
+"""A key of a file, or several on the way to one."""
+
+CONFIGURATION_TOPIC = "/atlantis/configuration"
+_OURS = ("keys", "ignored", "configuration_topic")
+
+
+@dataclass(frozen=True, slots=True)
+class KeyNames:
+    """The declared names, and the keys that nobody reads."""
+
+    names: Mapping[str, str] = field(default_factory=dict)
+    """Our key, alone or with those above it (`telemetry.booleans`; entries of lists have no number), and theirs."""
+    ignored: frozenset[str] = frozenset()
+    configuration_topic: str = CONFIGURATION_TOPIC
+    """On which robots publish their files; its real name is not known, and this one is a proposal."""
+
+    def key_of(self, path: tuple[str | int, ...]) -> str:
+        """The key at a path of ours as the file calls it."""
+        dotted = ".".join(step for step in path if isinstance(step, str))
+        return self.names.get(dotted) or self.names.get(str(path[-1])) or str(path[-1])
+
+    def translate(self, root: Node) -> tuple[Node, list[Finding]]:
+        """The file with its keys called as ours, and keys that stand in it under both names.
+
+        What stands elsewhere is brought to our place first.
+        """
+        clashes: list[Finding] = []
+        for ours, theirs in self.names.items():
+            if "." in theirs:
+                root = _move(root, tuple(theirs.split(".")), tuple(ours.split(".")))
+        return self._rename(root, RobotFile, (), clashes), clashes
+
+    def _rename(self, node: Node, model: type[BaseModel], path: tuple[str, ...], clashes: list[Finding]) -> Node:
+        if isinstance(node.value, list):
+            return replace(node, value=[self._rename(item, model, path, clashes) for item in node.value])
+        if not isinstance(node.value, dict):
+            return node
+        keys = {key: value for key, value in node.value.items() if key not in self.ignored}
+        ours: dict[str, Node] = {}
+        for name, info in model.model_fields.items():
+            theirs = self.key_of((*path, name))
+            if (key := theirs if theirs in keys else name) in keys:
+                below = keys.pop(key)
+                inner = model_of(item_of(info.annotation) or info.annotation)
+                if name in keys:
+                    hint = f"keep `{key}`: robots/keys.yml says that it is called so"
+                    clashes.append(Finding.at(keys.pop(name).place, f"`{key}` stands here as well as `{name}`", hint))
+                ours[name] = below if inner is None else self._rename(below, inner, (*path, name), clashes)
+        return replace(node, value={**ours, **keys})  # what is left is unknown to the model, which says so
+
+
+def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
+    """What `robots/keys.yml` declares, and what is wrong in it."""
+    findings = [
+        Finding.at(below.place, f"`{shown_key(key)}` is not known here", meant(key, _OURS, none=""))
+        for key, below in node.keys.items()
+        if key not in _OURS
+    ]
+    known, names = set(key_paths(RobotFile)), dict[str, str]()
+    keys, ignored = node.keys.get("keys"), node.keys.get("ignored")
+    if keys is not None and keys.value is not None and not isinstance(keys.value, dict):
+        findings.append(Finding.at(keys.place, "`keys` wants a block of keys", "write `our_key: their_key` below it"))
+    for ours, theirs in (keys.keys if keys is not None else {}).items():
+        if ours not in known:
+            message = f"a robot's file has no key `{shown_key(ours)}`: ours stand on the left"
+            findings.append(Finding.at(theirs.place, message, meant(ours, sorted(known), none="")))
+        elif not (isinstance(theirs.value, str) and re.fullmatch(KEY, theirs.value)):
+            findings.append(Finding.at(theirs.mark, f"`{theirs.text}` is no key of a file", "write it like executor"))
+        else:
+            names[ours] = theirs.value
+    left: list[str] = []
+    if ignored is not None:
+        entries = ignored.value if isinstance(ignored.value, list) else []
+        left = [entry.value for entry in entries if isinstance(entry.value, str)]
+        if not isinstance(ignored.value, list) or len(left) < len(entries):
+            hint = "write it like [colour, owner]"
+            findings.append(Finding.at(ignored.place, "`ignored` wants a list of keys", hint))
+    topic = node.keys.get("configuration_topic")
+    name = str(topic.value) if topic is not None else CONFIGURATION_TOPIC
+    if topic is not None and (why := why_no_name(name) or _relative(name)):
+        findings.append(Finding.at(topic.mark, *why))
+    return KeyNames(names, frozenset(left), name), findings
+
+
+def _relative(name: str) -> tuple[str, str] | None:
+    return None if name.startswith("/") else (f"`{name}` is below no namespace: all robots share it", f"/{name}")
+
+
+def key_paths(model: type[BaseModel], above: tuple[str, ...] = ()) -> Iterator[str]:
+    """Every key of a robot's file, alone and with those above it."""
+    for name, info in model.model_fields.items():
+        yield name
+        yield ".".join((*above, name))
+        if (inner := model_of(item_of(info.annotation) or info.annotation)) is not None:
+            yield from key_paths(inner, (*above, name))
+
+
+def _move(root: Node, source: tuple[str, ...], target: tuple[str, ...]) -> Node:
+    """The file with a value at another place, without blocks that are empty then; as it is where there is none."""
+    value = root
+    for step in source:
+        if step not in value.keys:
+            return root
+        value = value.keys[step]
+    return _put(_remove(root, source) or replace(root, value={}), target, value)
+
+
+def _remove(node: Node, path: tuple[str, ...]) -> Node | None:
+    keys = dict(node.keys)
+    below = _remove(keys[path[0]], path[1:]) if len(path) > 1 else None
+    if below is None:
+        del keys[path[0]]
+    else:
+        keys[path[0]] = below
+    return replace(node, value=keys) if keys else None
+
+
+def _put(node: Node, path: tuple[str, ...], value: Node) -> Node:
+    if not path:
+        return value
+    below = node.keys.get(path[0]) or replace(value, value={})
+    return replace(node, value={**node.keys, path[0]: _put(below, path[1:], value)})

@@ -1,0 +1,307 @@
+"""From robots' files to their models, or to every error of them; and what holds between the robots of a pilot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+from atlantis_netcfg.core.errors import NothingMatched, UsageError
+from atlantis_netcfg.inventory._yaml import Node, SealedSecret, parse
+from atlantis_netcfg.inventory.examples import examples_in
+from atlantis_netcfg.inventory.findings import Finding, InventoryInvalid, Mark, choices, meant
+from atlantis_netcfg.inventory.loader import LARGEST, build, content, shown_path
+from atlantis_netcfg.inventory.model import Guest
+from atlantis_netcfg.inventory.model.robot import RobotFile, TopicKind
+from atlantis_netcfg.inventory.robots.key_names import KeyNames, read_key_names
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.inventory._yaml import Decrypt
+    from atlantis_netcfg.inventory.inventory import Declaration
+
+FOLDER = "robots"
+"""Below an inventory: `<vehicle>.yml` for each robot, `keys.yml`, and `interfaces/` with the types of messages."""
+NO_ROBOT_CONTACTED = "in robots' files; no robot was contacted"
+_KEYS = "keys.yml"
+_MINE_ALONE = 0o077
+_Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSource:
+    """A robot's file as it was read."""
+
+    file: Path
+    node: Node
+    """What stands in it, with our keys."""
+    size: int
+    """Bytes of the file, which the robot publishes at 1 Hz until it is registered (report, 3.4)."""
+    vehicle: str | None
+    """Whose it is; None: of no vehicle of the inventory."""
+    robot: RobotFile | None
+    """None where it has errors that hide what it says."""
+    key_of: Callable[[_Path], str]
+    """The key at a path as the file calls it."""
+    findings: tuple[Finding, ...] = ()
+    warnings: tuple[Finding, ...] = ()
+
+    def text(self) -> str:
+        """The file as the robot publishes it."""
+        return self.file.read_text(encoding="utf-8-sig")
+
+    @property
+    def token_is_sealed(self) -> bool:
+        """Nobody has opened the vault: the token cannot be compared."""
+        return self.robot is None or isinstance(self.robot.token, SealedSecret)
+
+    def with_token(self, decrypt: Decrypt | None) -> RobotSource:
+        """The same with its token opened, where the vault's password is known."""
+        robot = self.robot
+        if decrypt is None or robot is None or not isinstance(robot.token, SealedSecret):
+            return self
+        try:
+            token = robot.token.decrypt_with(decrypt)
+        except UsageError:
+            return self
+        return replace(self, robot=robot.model_copy(update={"token": token}))
+
+    def wrong(self, path: _Path, message: str, hint: str) -> Finding:
+        """An error at a value; of a block, at its key."""
+        return Finding.at(self.mark(path), message, hint)
+
+    def mark(self, path: _Path) -> Mark:
+        """The place of a value; of a block, the place of its key."""
+        node = self.node.at(*path)
+        return node.place if isinstance(node.value, dict | list) else node.mark
+
+    def label(self, path: _Path) -> str:
+        """A key in an error, as the file calls it."""
+        return f"`{self.key_of(path)}`"
+
+
+def key_names(declaration: Declaration) -> tuple[KeyNames, list[Finding]]:
+    """How the partners of an inventory call the keys, and what is wrong in that."""
+    path = declaration.root / FOLDER / _KEYS
+    if not path.exists():
+        return KeyNames(), []
+    node, _, findings = _parse(path)
+    names, wrong = read_key_names(node) if node is not None else (KeyNames(), [])
+    return names, findings + wrong
+
+
+def robot_files(declaration: Declaration) -> dict[str, Path]:
+    """Vehicle to its robot's file, of those that have one; also of names that no vehicle has."""
+    paths = sorted((declaration.root / FOLDER).glob("*.yml"))
+    return {path.stem: path for path in paths if path.name != _KEYS}
+
+
+def read_declared(declaration: Declaration, names: KeyNames) -> list[RobotSource]:
+    """Every robot of the inventory, with what is wrong in its file and between them."""
+    sources = [_read(path, declaration, names, vehicle) for vehicle, path in robot_files(declaration).items()]
+    return _with_namespaces_compared(sources)
+
+
+def read_given(files: Iterable[Path], declaration: Declaration, names: KeyNames) -> list[RobotSource]:
+    """Partners' files. One with the namespace of a robot of the inventory is a newer file of that robot."""
+    declared = {source.file.resolve(): source for source in read_declared(declaration, names)}
+    known = {source.robot.name: source.vehicle for source in declared.values() if source.robot}
+    sources = []
+    for path in files:
+        source = declared.get(path.resolve()) or _read(path, declaration, names, None)
+        vehicle = source.vehicle or (known.get(source.robot.name) if source.robot else None)
+        sources.append(replace(source, vehicle=vehicle))
+    return _with_namespaces_compared(sources)
+
+
+def past_guests(declaration: Declaration) -> dict[str, str]:
+    """Guests whose last day is over, by the clocks of the pilot, and that day."""
+    today = datetime.now(ZoneInfo(declaration.pilot.time_zone)).date().isoformat()
+    guests = {key: each for key, each in declaration.vehicles.items() if isinstance(each, Guest)}
+    return {key: guest.until for key, guest in guests.items() if guest.until < today}
+
+
+def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
+    """Every robot of an inventory, with warnings alone. Raises InventoryInvalid with the errors of all."""
+    names, findings = key_names(declaration)
+    sources = read_declared(declaration, names)
+    findings += [finding for source in sources for finding in source.findings]
+    if findings:
+        raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
+    return [source.with_token(declaration.decrypt) for source in sources], names
+
+
+def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]:
+    """A configuration as a robot publishes it: YAML, of which JSON is a part. None: the second is the first error."""
+    if len(data) > LARGEST:
+        return None, "it is larger than 1 MB"
+    node, findings = parse(data, "line", None)
+    if node is None or not isinstance(node.value, dict):
+        return None, str(findings[0]) if findings else "it holds no keys"
+    root, findings = names.translate(node)
+    robot, _, wrong = build(root, RobotFile, "it", names.key_of)
+    findings = sorted((*findings, *wrong))
+    return (robot, "") if robot is not None and not findings else (None, str(findings[0]))
+
+
+def _with_namespaces_compared(sources: Sequence[RobotSource]) -> list[RobotSource]:
+    """Two robots of one namespace carry out each other's commands, and nothing on the network says so."""
+    first: dict[str, RobotSource] = {}
+    compared = []
+    for source in sources:
+        there = first.setdefault(source.robot.name, source) if source.robot is not None else source
+        if there is not source:
+            mark = there.mark(("namespace",))
+            message = f"another robot has this namespace: {mark.file}:{mark.line}"
+            finding = source.wrong(("namespace",), message, "give each robot a namespace of its own")
+            source = replace(source, findings=(*source.findings, finding))  # noqa: PLW2901 - the same with its error
+        compared.append(source)
+    return compared
+
+
+def _parse(path: Path) -> tuple[Node | None, int, list[Finding]]:
+    """Read one file: at most 1 MB, and 100 levels deep. Raises NothingMatched where it cannot be read."""
+    shown = shown_path(path)
+    try:
+        data = content(path)
+    except OSError as error:
+        reason = (error.strerror or "no reason given").lower()
+        raise NothingMatched(f"{shown} cannot be read: {reason}", hint=f"look at it: ls -ld {shown}") from None
+    if len(data) > LARGEST:
+        hint = "a robot publishes its configuration once a second: leave out what the control centre does not read"
+        return None, len(data), [Finding.at(Mark(shown, 1, 1), "the file is larger than 1 MB", hint)]
+    node, findings = parse(data, shown, None)
+    return node, len(data), findings
+
+
+def _read(path: Path, declaration: Declaration, names: KeyNames, vehicle: str | None) -> RobotSource:
+    """One file; `vehicle` is set for those of the inventory."""
+    root, size, findings = _parse(path)
+    start = Mark(shown_path(path), 1, 1)
+    if vehicle is not None and vehicle not in declaration.vehicles:
+        findings.append(
+            Finding.at(start, f"no vehicle is called `{vehicle}`", meant(vehicle, declaration.vehicles, none=""))
+        )
+    if root is not None and not isinstance(root.value, dict):
+        findings.append(Finding.at(root.mark, "a robot's file holds keys, each with a value", "write `key: value`"))
+    elif root is None and not findings:
+        hint = f"write `{names.key_of(('namespace',))}:` and the other keys"
+        findings.append(Finding.at(start, "the file is empty", hint))
+    if root is None or not isinstance(root.value, dict):
+        return RobotSource(path, Node(start, None), size, vehicle, None, names.key_of, tuple(sorted(findings)))
+    root, clashes = names.translate(root)
+    robot, node, wrong = build(root, RobotFile, path.name, names.key_of)
+    source = RobotSource(path, node, size, vehicle, robot, names.key_of)
+    warnings: list[Finding] = []
+    if robot is not None:
+        rules = _OF_THE_INVENTORY if vehicle is not None else _OF_A_PARTNER
+        wrong += [finding for rule in (*_RULES, *rules) for finding in rule(source, robot, declaration)]
+        warnings += [finding for rule in _WARNINGS for finding in rule(source, robot, declaration)]
+        if vehicle is None:
+            warnings += file_is_private(source, robot)
+    return replace(source, findings=tuple(sorted((*findings, *clashes, *wrong))), warnings=tuple(sorted(warnings)))
+
+
+def one_of_two(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+    """The pose and the mission executor have one way each."""
+    blocks = {"pose": (robot.pose.topic, "topic", robot.pose.library, "library")}
+    executor = robot.mission_executor
+    blocks["mission_executor"] = (executor.action, "action", executor.callback, "callback")
+    for block, (name, key, flag, other) in blocks.items():
+        if (name is None) is not flag:
+            first, second = (source.label((block, word)) for word in (key, other))
+            whose = source.label((block,))
+            message = f"{whose} has both {first} and {second}" if flag else f"{whose} has neither {first} nor {second}"
+            yield source.wrong((block,), message, "write one of them")
+
+
+def names_once(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+    """A topic and an action stand in the file once, and operators can tell commands apart."""
+    seen: dict[tuple[str, str], _Path] = {}
+    rows = [("topic", topic.name, topic.path) for topic in robot.topics()]
+    rows += [("action", action.name, action.path) for action in robot.actions()]
+    rows += [
+        ("label", command.label, ("commands", kind.value, index, "label"))
+        for kind, index, command in robot.every_command()
+    ]
+    for sort, name, path in rows:
+        there = seen.setdefault((sort, name), path)
+        if there is not path:
+            message = f"the {sort} `{name}` stands in this file already, in line {source.mark(there).line}"
+            yield source.wrong(path, message, "remove one, or give each its own")
+
+
+def conditions(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+    """A command depends on a boolean that the robot publishes."""
+    full = {topic.name: topic.kind for topic in robot.topics()}
+    booleans = [name for name, kind in full.items() if kind is TopicKind.BOOLEAN]
+    for kind, index, command in robot.every_command():
+        if command.condition is None or (name := robot.full_name(command.condition.topic)) in booleans:
+            continue
+        path = ("commands", kind.value, index, "condition", "topic")
+        key = source.label(("telemetry", "booleans"))
+        message = f"a condition wants a topic of {key}, and `{name}` is not declared"
+        if name in full:
+            there = source.label(("telemetry", full[name].value))
+            message = f"a condition wants a topic of {key}, and `{name}` stands under {there}"
+        none = f"declare it under {key}"
+        hint = f"there are: {choices(booleans)}" if name in full and booleans else meant(name, booleans, none=none)
+        yield source.wrong(path, message, hint)
+
+
+def token_is_vaulted(source: RobotSource, robot: RobotFile, declaration: Declaration) -> Iterator[Finding]:
+    """A real token never stands readable in a file that goes into git; and what is an example is known to be one."""
+    key = source.key_of(("token",))
+    if not isinstance(robot.token, SealedSecret) and not robot.token.is_example:
+        hint = f"ansible-vault encrypt_string --stdin-name {key}"
+        yield source.wrong(("token",), f"`{key}` stands in clear text", hint)
+    if not declaration.pilot.example_values:
+        for example in examples_in([source.node]):
+            mark = Mark(example.file, example.line, example.column)
+            message = f"`{example.key}` is still an example, but `example_values` of the pilot is false"
+            yield Finding.at(mark, message, "write what is true, and delete the mark `# EXAMPLE`")
+
+
+def token_is_real(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+    """A robot does not come with the token of an example."""
+    if not isinstance(robot.token, SealedSecret) and robot.token.is_example:
+        message = f"{source.label(('token',))} is still an example"
+        yield source.wrong(("token",), message, "write the token that the control centre expects of this robot")
+
+
+def file_is_private(source: RobotSource, robot: RobotFile) -> Iterator[Finding]:
+    """A token in clear text is for its owner alone."""
+    if isinstance(robot.token, SealedSecret) or robot.token.is_example:
+        return
+    if source.file.stat().st_mode & _MINE_ALONE:
+        message = f"others on this computer can read {source.label(('token',))}"
+        yield source.wrong(("token",), message, f"chmod 600 {shown_path(source.file)}")
+
+
+def units(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
+    """An operator sees what a number means."""
+    for index, topic in enumerate(robot.telemetry.numbers):
+        if topic.unit is None:
+            path = ("telemetry", "numbers", index)
+            message = f"the number `{topic.topic}` has no {source.label((*path, 'unit'))}"
+            yield source.wrong((*path, "topic"), message, "write it, or 1 for a number without a unit")
+
+
+def costs_are_of_topics(source: RobotSource, robot: RobotFile, declaration: Declaration) -> Iterator[Finding]:
+    """The `telemetry:` of a vehicle, by which links are judged, names what its robot publishes."""
+    vehicle = declaration.vehicles.get(source.vehicle or "")
+    published = [topic.name for topic in robot.topics()]
+    for item in vehicle.telemetry if vehicle is not None else ():
+        if robot.full_name(item.topic) not in published:
+            message = f"`telemetry:` of the vehicle {source.vehicle} has `{item.topic}`, which this file has not"
+            hint = meant(robot.full_name(item.topic), published, none="correct one of the two")
+            yield source.wrong(("telemetry",), message, hint)
+
+
+_RULES = (one_of_two, names_once, conditions)
+_OF_THE_INVENTORY = (token_is_vaulted,)
+_OF_A_PARTNER = (token_is_real,)
+_WARNINGS = (units, costs_are_of_topics)

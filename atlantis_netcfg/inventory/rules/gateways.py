@@ -1,0 +1,140 @@
+"""What gateways run: each part has what it is built on, and a token does not travel in clear.
+
+The gateway computer: what its image needs from the rest of the declaration.
+"""
+
+from __future__ import annotations
+
+from ipaddress import AddressValueError, IPv4Address
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory.model import AddressBy, Repository, SiteComputer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.inventory.findings import Finding
+
+_PILOT = Part("pilot")
+
+
+def release_known(draft: Draft) -> Iterator[Finding]:
+    """Which ROS 2 is installed, and how its programs find each other, is declared in one place."""
+    if draft.pilot is None or draft.pilot.dds is not None:
+        return
+    if draft.pilot.gateways.ros2 is not None:
+        hint = "write `dds:` with its `distribution:`"
+        yield draft.wrong(_PILOT, ("gateways", "ros2"), "which release of ROS 2 is not declared", hint)
+
+
+def pins_once(draft: Draft) -> Iterator[Finding]:
+    """One package has one version."""
+    ros2 = draft.pilot.gateways.ros2 if draft.pilot is not None else None
+    seen: set[str] = set()
+    for index, pin in enumerate(ros2.pins if ros2 is not None else ()):
+        if pin.package in seen:
+            message = f"`{pin.package}` is pinned twice"
+            yield draft.wrong(_PILOT, ("gateways", "ros2", "pins", index), message, "remove one of the two")
+        seen.add(pin.package)
+
+
+def builds_on_ros(draft: Draft) -> Iterator[Finding]:
+    """The library is a workspace of ROS 2."""
+    if draft.pilot is None:
+        return
+    gateways = draft.pilot.gateways
+    if gateways.interop is not None and gateways.ros2 is None:
+        message = "the library is built against ROS 2, and none is declared"
+        yield draft.wrong(_PILOT, ("gateways", "interop"), message, "write `ros2:` beside it")
+
+
+def tested_with_examples(draft: Draft) -> Iterator[Finding]:
+    """The robot of the connection test is one of the examples."""
+    interop = draft.pilot.gateways.interop if draft.pilot is not None else None
+    if interop is not None and interop.connection_test is not None and interop.examples is None:
+        message = "the program of the connection test is one of the examples, and none are declared"
+        where = ("gateways", "interop", "connection_test")
+        yield draft.wrong(_PILOT, where, message, "write `examples:` beside it, or leave the test out")
+
+
+def tokens_unseen(draft: Draft) -> Iterator[Finding]:
+    """Plain HTTP shows a token to everyone on the way; inside a site's own network that is accepted."""
+    interop = draft.pilot.gateways.interop if draft.pilot is not None else None
+    if interop is None:
+        return
+    both: tuple[tuple[str, Repository | None], ...] = (("library", interop.library), ("examples", interop.examples))
+    for name, repository in both:
+        if repository is None or repository.token is None:
+            continue
+        parts = urlsplit(repository.url)
+        if parts.scheme == "http" and not _private(parts.hostname or ""):
+            message = "the token would go over plain HTTP, readable for everyone on the way"
+            yield draft.wrong(_PILOT, ("gateways", "interop", name, "url"), message, "write https://")
+
+
+def _private(host: str) -> bool:
+    try:
+        return IPv4Address(host).is_private
+    except AddressValueError:
+        return False
+
+
+def one_interface(draft: Draft) -> Iterator[Finding]:
+    """The card and the run configure the same interface: otherwise the first run cuts what the card has made."""
+    for host, _, device in draft.boxes(SiteComputer):
+        if device.network is None or device.image is None or device.image.interface is None:
+            continue
+        if device.network.interface != device.image.interface:
+            line = draft.mark(Part("device", host), "image", "interface").line
+            message = f"the image configures `{device.image.interface}` (line {line}), not `{device.network.interface}`"
+            hint = "write the same name twice: `ip link` on the board shows it"
+            yield draft.wrong(Part("device", host), ("network", "interface"), message, hint)
+
+
+RULES: tuple[Rule, ...] = (
+    release_known,
+    pins_once,
+    builds_on_ros,
+    tested_with_examples,
+    tokens_unseen,
+    one_interface,
+)
+
+
+def way_in(draft: Draft) -> Iterator[Finding]:
+    """Every password is removed from an image, so that without a key nobody could log in."""
+    for host, _, device in draft.boxes(SiteComputer):
+        if device.image is not None and not device.image.ssh_keys:
+            message = f"nobody could log in to `{host}`: its image has no SSH key, and no password stays in it"
+            hint = "write the technicians' public keys, one a line"
+            yield draft.wrong(Part("device", host), ("image", "ssh_keys"), message, hint)
+
+
+def keys_once(draft: Draft) -> Iterator[Finding]:
+    """A technician's key stands once: who takes it back must not overlook a second line."""
+    for host, _, device in draft.boxes(SiteComputer):
+        seen: dict[str, int] = {}
+        for index, key in enumerate(device.image.ssh_keys if device.image else ()):
+            body = key.split(" ")[1]
+            first = seen.setdefault(body, index)
+            if first != index:
+                line = draft.mark(Part("device", host), "image", "ssh_keys", first).line
+                message = f"this key stands twice, first in line {line}"
+                yield draft.wrong(Part("device", host), ("image", "ssh_keys", index), message, "remove one of the two")
+
+
+def reserved(draft: Draft) -> Iterator[Finding]:
+    """With DHCP the declared address comes true only by a reservation; without one nobody finds the gateway."""
+    for host, name, device in draft.boxes(SiteComputer):
+        site = draft.sites.get(name)
+        if device.image is None or device.image.address_by is not AddressBy.DHCP or site is None:
+            continue
+        if all(reservation.address != device.address for reservation in site.lan.reservations):
+            message = f"`{host}` gets its address by DHCP, and the LAN of `{name}` reserves {device.address} for nobody"
+            hint = f"add {{name: {host}, mac: …, address: {device.address}}} to `lan.reservations`, or write `static`"
+            yield draft.wrong(Part("device", host), ("image", "address_by"), message, hint)
+
+
+GATEWAY_RULES: tuple[Rule, ...] = (way_in, keys_once, reserved)

@@ -1,0 +1,275 @@
+"""The LAN of a site: its gateway, the DHCP range, reservations, and the hosts that stand in it.
+
+Addresses and network cards belong to one device.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory.model import (
+    Bearer,
+    Cpe,
+    Device,
+    LanBox,
+    LteRouter,
+    Router,
+    SatelliteTerminal,
+    Site,
+    Switch,
+    TrafficClass,
+)
+from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.inventory.findings import Finding
+
+_MOST_PREFIX = 29
+
+
+def gateway_in_network(draft: Draft) -> Iterator[Finding]:
+    """The router's own address is a usable one of its LAN."""
+    for name, site in draft.sites.items():
+        if why := why_unusable(site.lan.gateway, site.lan.network):
+            message = f"the gateway {site.lan.gateway} {why}"
+            yield draft.wrong(Part("site", name), ("lan", "gateway"), message, example_in(site.lan.network))
+
+
+def network_has_room(draft: Draft) -> Iterator[Finding]:
+    """A LAN holds a router, a gateway computer and robots."""
+    for name, site in draft.sites.items():
+        if site.lan.network.prefixlen > _MOST_PREFIX:
+            message = f"{site.lan.network} is too small for a LAN"
+            hint = f"{site.lan.network.supernet(new_prefix=24)} has room for 254"
+            yield draft.wrong(Part("site", name), ("lan", "network"), message, hint)
+
+
+def dhcp_range(draft: Draft) -> Iterator[Finding]:
+    """The range is inside the LAN, not reversed, and without the router."""
+    for name, site in draft.sites.items():
+        lan, part = site.lan, Part("site", name)
+        outside = False
+        for key, address in (("first", lan.dhcp.first), ("last", lan.dhcp.last)):
+            if why := why_unusable(address, lan.network):
+                outside = True
+                message = f"the DHCP range's {key} address {address} {why}"
+                yield draft.wrong(part, ("lan", "dhcp", key), message, example_in(lan.network))
+        if outside:
+            continue
+        if lan.dhcp.first > lan.dhcp.last:
+            message = f"the DHCP range is reversed: {lan.dhcp.first} comes after {lan.dhcp.last}"
+            hint = f"first: {lan.dhcp.last}, last: {lan.dhcp.first}"
+            yield draft.wrong(part, ("lan", "dhcp", "first"), message, hint)
+        elif lan.dhcp.first <= lan.gateway <= lan.dhcp.last:
+            message = f"the DHCP range holds the router's own address {lan.gateway}"
+            yield draft.wrong(part, ("lan", "dhcp", "first"), message, f"begin after {lan.gateway}, or end before it")
+
+
+def reservations_in_network(draft: Draft) -> Iterator[Finding]:
+    """A reserved address is in the LAN and outside the range that goes to anybody."""
+    for name, site in draft.sites.items():
+        dhcp = site.lan.dhcp
+        for index, reservation in enumerate(site.lan.reservations):
+            path = ("lan", "reservations", index, "address")
+            if why := why_unusable(reservation.address, site.lan.network):
+                message = f"the reserved address {reservation.address} of `{reservation.name}` {why}"
+                yield draft.wrong(Part("site", name), path, message, example_in(site.lan.network))
+            elif dhcp.first <= reservation.address <= dhcp.last:
+                message = f"the reserved address {reservation.address} of `{reservation.name}` is inside the DHCP range"
+                hint = f"choose one outside {dhcp.first} to {dhcp.last}"
+                yield draft.wrong(Part("site", name), path, message, hint)
+
+
+def reservation_names(draft: Draft) -> Iterator[Finding]:
+    """A name stands once in a site's reservations."""
+    for name, site in draft.sites.items():
+        seen: dict[str, int] = {}
+        for index, reservation in enumerate(site.lan.reservations):
+            first = seen.setdefault(reservation.name, index)
+            if first != index:
+                part = Part("site", name)
+                line = draft.mark(part, "lan", "reservations", first, "name").line
+                message = f"`{reservation.name}` is reserved twice, first in line {line}"
+                yield draft.wrong(part, ("lan", "reservations", index, "name"), message, "remove one of the two")
+
+
+def reservations_of_hosts(draft: Draft) -> Iterator[Finding]:
+    """A reservation with a host's name says the same as the host."""
+    for name, site in draft.sites.items():
+        for index, reservation in enumerate(site.lan.reservations):
+            device = draft.devices.get(reservation.name)
+            if draft.layout.hosts.get(reservation.name) != name or not isinstance(device, LanBox):
+                continue
+            part, path, of_host = Part("site", name), ("lan", "reservations", index), Part("device", reservation.name)
+            if device.address != reservation.address:
+                reserved = f"`{reservation.name}` is reserved {reservation.address}"
+                message = f"{reserved}, but {draft.where(of_host, 'address')} says {device.address}"
+                yield draft.wrong(part, (*path, "address"), message, "make both the same")
+            if device.mac is not None and device.mac != reservation.mac:
+                message = (
+                    f"`{reservation.name}` is reserved for {reservation.mac}, but {draft.where(of_host, 'mac')} says"
+                )
+                yield draft.wrong(part, (*path, "mac"), f"{message} {device.mac}", "make both the same")
+
+
+def hosts_in_network(draft: Draft) -> Iterator[Finding]:
+    """A host of the LAN has an address of it that DHCP gives to nobody else."""
+    for host, name, device in draft.boxes(LanBox):
+        site = draft.sites.get(name)
+        if site is None:
+            continue
+        part, dhcp = Part("device", host), site.lan.dhcp
+        if why := why_unusable(device.address, site.lan.network):
+            message = f"the address {device.address} of `{host}` {why}, the LAN of `{name}`"
+            yield draft.wrong(part, ("address",), message, example_in(site.lan.network))
+        elif dhcp.first <= device.address <= dhcp.last and all(
+            reservation.name != host for reservation in site.lan.reservations
+        ):
+            message = f"the address {device.address} of `{host}` is inside the DHCP range of `{name}`"
+            hint = f"choose one outside {dhcp.first} to {dhcp.last}"
+            yield draft.wrong(part, ("address",), message, hint)
+
+
+RULES: tuple[Rule, ...] = (
+    gateway_in_network,
+    network_has_room,
+    dhcp_range,
+    reservations_in_network,
+    reservation_names,
+    reservations_of_hosts,
+    hosts_in_network,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _AddressUse:
+    """A value, and whose it is. One owner may use it in more than one place."""
+
+    value: str
+    owner: str
+    part: Part
+    path: tuple[str | int, ...]
+
+
+def addresses(draft: Draft) -> Iterator[Finding]:
+    """No two devices have one address."""
+    yield from _twice(draft, _addresses(draft), "address")
+
+
+def macs(draft: Draft) -> Iterator[Finding]:
+    """No two devices have one MAC address. A robot keeps its own, and its name, at every site."""
+    yield from _twice(draft, _macs(draft), "MAC address")
+
+
+def _twice(draft: Draft, uses: Iterator[_AddressUse], what: str) -> Iterator[Finding]:
+    first: dict[str, _AddressUse] = {}
+    result: set[tuple[str, str]] = set()
+    for use in uses:
+        known = first.setdefault(use.value, use)
+        if known.owner != use.owner and (use.value, use.owner) not in result:
+            result.add((use.value, use.owner))
+            where = draft.where(known.part, *known.path)
+            message = f"{use.value} of {use.owner} is already the {what} of {known.owner} ({where})"
+            yield draft.wrong(use.part, use.path, message, f"give each its own {what}")
+
+
+def _addresses(draft: Draft) -> Iterator[_AddressUse]:
+    for host, device in draft.devices.items():
+        part = Part("device", host)
+        yield from (_AddressUse(str(value), _owner(draft, host), part, path) for value, path in _of_device(device))
+    for name, site in draft.sites.items():
+        yield from _of_site(draft, name, site)
+
+
+def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_AddressUse]:
+    part, router = Part("site", name), _router(draft, name)
+    yield _AddressUse(str(site.lan.gateway), router, part, ("lan", "gateway"))
+    for index, bearer in enumerate(site.bearers):
+        yield _AddressUse(str(bearer.address), router, part, ("bearers", index, "address"))
+        yield _AddressUse(str(bearer.gateway), _far_end(draft, name, bearer), part, ("bearers", index, "gateway"))
+    for index, link in enumerate(site.served_links):
+        yield _AddressUse(str(link.address), router, part, ("served_links", index, "address"))
+    yield _AddressUse(
+        str(site.management.technician), f"the technician at `{name}`", part, ("management", "technician")
+    )
+    for index, reservation in enumerate(site.lan.reservations):
+        here = draft.layout.hosts.get(reservation.name) == name
+        owner = f"`{reservation.name}`" if here else f"reservation `{reservation.name}`"
+        path = ("lan", "reservations", index, "address")
+        device = draft.devices.get(reservation.name)
+        is_reported = here and isinstance(device, LanBox) and device.address != reservation.address
+        if not is_reported:  # what contradicts its own host is told by the rules of the LAN
+            yield _AddressUse(str(reservation.address), owner, part, path)
+
+
+def _router(draft: Draft, site: str) -> str:
+    found = draft.router_of(site)
+    return f"`{found[0]}`" if found is not None else f"the router of `{site}`"
+
+
+def _owner(draft: Draft, host: str) -> str:
+    site = draft.layout.hosts[host]
+    return _router(draft, site) if isinstance(draft.devices[host], Router) else f"`{host}`"
+
+
+def _far_end(draft: Draft, name: str, bearer: Bearer) -> str:
+    """Who answers at the bearer's gateway: the box at this end, or the router that serves the link."""
+    for host, box in draft.devices.items():
+        if not isinstance(box, LteRouter | SatelliteTerminal) or draft.layout.hosts[host] != name:
+            continue
+        if box.address == bearer.gateway:
+            return f"`{host}`"
+    if bearer.kind.traits.bridge:
+        for other, site in draft.sites.items():
+            if any((link.network, link.address) == (bearer.network, bearer.gateway) for link in site.served_links):
+                return _router(draft, other)
+    return f"the gateway of link `{bearer.name}` at `{name}`"
+
+
+def _of_device(device: Device) -> Iterator[tuple[object, tuple[str, ...]]]:
+    if isinstance(device, Router | Switch | Cpe):
+        yield device.access.address, ("access", "address")
+    else:
+        yield device.address, ("address",)
+    if isinstance(device, Router) and device.vpn_client is not None:
+        yield device.vpn_client.address, ("vpn_client", "address")
+    if isinstance(device, LanBox) and device.vpn_address is not None:
+        yield device.vpn_address, ("vpn_address",)
+
+
+def _macs(draft: Draft) -> Iterator[_AddressUse]:
+    for host, device in draft.devices.items():
+        if device.mac is not None:
+            yield _AddressUse(device.mac, f"`{host}`", Part("device", host), ("mac",))
+    for name, site in draft.sites.items():
+        for index, reservation in enumerate(site.lan.reservations):
+            device_here = (
+                draft.devices.get(reservation.name) if draft.layout.hosts.get(reservation.name) == name else None
+            )
+            if device_here is None or device_here.mac in {None, reservation.mac}:  # else told by the rules of the LAN
+                yield _AddressUse(
+                    reservation.mac, f"`{reservation.name}`", Part("site", name), ("lan", "reservations", index, "mac")
+                )
+
+
+UNIQUE_ADDRESSES_RULES: tuple[Rule, ...] = (addresses, macs)
+
+
+def classes_have_a_queue(draft: Draft) -> Iterator[Finding]:
+    """A class of traffic means something on a thin link only: elsewhere nothing waits in the router."""
+    for name, site in draft.sites.items():
+        if any(bearer.thin for bearer in site.bearers):
+            continue
+        for index, row in enumerate(site.lan.reservations):
+            if row.traffic is not TrafficClass.CONTROL:
+                message = f"`{row.name}` counts as {row.traffic}, and `{name}` has no thin link where that matters"
+                path = ("lan", "reservations", index, "traffic")
+                hint = "remove `traffic:`; a thin link is a satellite, or sends less than 2 Mbit/s (`rate.up_kbps`)"
+                yield draft.wrong(Part("site", name), path, message, hint)
+
+
+WARNINGS: tuple[Rule, ...] = (classes_have_a_queue,)

@@ -1,0 +1,234 @@
+"""Bearers and served links: addresses, names, and the box at this end.
+
+The two ends of a Wi-Fi bridge: a bearer at the site that it carries, a served link at the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.model import BEARER_TRAITS, Bearer, BearerKind, Cpe, ServedLink
+from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from ipaddress import IPv4Address
+
+
+_RESERVED = "lan"
+_MOST_SILENT_S = 1800
+
+
+@dataclass(frozen=True, slots=True)
+class BridgeEnd:
+    """A link as its own site sees it."""
+
+    site: str
+    path: tuple[str, int]
+    link: Bearer | ServedLink
+    kind: BearerKind
+
+    @property
+    def part(self) -> Part:
+        """Where it is declared."""
+        return Part("site", self.site)
+
+
+def ends(draft: Draft) -> Iterator[BridgeEnd]:
+    """Every link of every site."""
+    for name, site in draft.sites.items():
+        for index, bearer in enumerate(site.bearers):
+            yield BridgeEnd(name, ("bearers", index), bearer, bearer.kind)
+        for index, served in enumerate(site.served_links):
+            yield BridgeEnd(name, ("served_links", index), served, BearerKind.WIFI_PTP)
+
+
+def addresses(draft: Draft) -> Iterator[Finding]:
+    """The router's address and the gateway are usable addresses of the link's network."""
+    for end in ends(draft):
+        link = end.link
+        yield from _in_network(draft, end, "address", link.address)
+        gateway = getattr(link, "gateway", None)
+        if gateway is not None:
+            yield from _in_network(draft, end, "gateway", gateway)
+
+
+def gaps_leave_time(draft: Draft) -> Iterator[Finding]:
+    """A link that is silent for more than half of the time carries no rehearsal."""
+    for name, site in draft.sites.items():
+        for index, bearer in enumerate(site.bearers):
+            silent_s = sum(gap.length_s * gap.per_hour for gap in bearer.rate.gaps)
+            if silent_s > _MOST_SILENT_S:
+                message = f"the gaps of link `{bearer.name}` take {silent_s:g} s of each hour"
+                hint = f"declare at most {_MOST_SILENT_S} s: shorter gaps (`length_s`), or fewer (`per_hour`)"
+                yield draft.wrong(Part("site", name), ("bearers", index, "rate", "gaps"), message, hint)
+
+
+def _in_network(draft: Draft, end: BridgeEnd, key: str, address: IPv4Address) -> Iterator[Finding]:
+    if why := why_unusable(address, end.link.network):
+        message = f"the {key} {address} of link `{end.link.name}` {why}"
+        yield draft.wrong(end.part, (*end.path, key), message, example_in(end.link.network))
+
+
+def names(draft: Draft) -> Iterator[Finding]:
+    """A link's name stands once at its site, and is not the word for the management port."""
+    seen: dict[tuple[str, str], BridgeEnd] = {}
+    for end in ends(draft):
+        first = seen.setdefault((end.site, end.link.name), end)
+        path = (*end.path, "name")
+        if end.link.name == _RESERVED:
+            message = "a link cannot be called `lan`: `via: lan` means the management port"
+            yield draft.wrong(end.part, path, message, "choose another name")
+        elif first is not end:
+            line = draft.mark(first.part, *first.path, "name").line
+            message = f"`{end.link.name}` is the name of two links of `{end.site}`, first in line {line}"
+            yield draft.wrong(end.part, path, message, "give each link its own name")
+
+
+def devices(draft: Draft) -> Iterator[Finding]:
+    """A link has the box that its kind needs, at its own site."""
+    for end in ends(draft):
+        kind = end.kind.traits.box
+        if end.link.device is None:
+            if kind is not None:
+                message = f"link `{end.link.name}` is {end.kind} and has no device"
+                hint = f"add `device:` with {_candidates(draft, end.site, kind)}"
+                yield draft.wrong(end.part, end.path, message, hint)
+        elif problem := _wrong_device(draft, end, end.link.device, kind):
+            yield draft.wrong(end.part, (*end.path, "device"), *problem)
+
+
+def _candidates(draft: Draft, site: str, kind: str) -> str:
+    here = [host for host, place in draft.layout.hosts.items() if place == site and draft.kind_of(host) == kind]
+    return f"`{here[0]}`" if here else f"a {kind} of the site"
+
+
+def _wrong_device(draft: Draft, end: BridgeEnd, host: str, kind: str | None) -> tuple[str, str] | None:
+    if host not in draft.layout.hosts:
+        here = [name for name, site in draft.layout.hosts.items() if site == end.site]
+        return f"there is no host `{host}`", meant(host, here, none="add it to hosts.yml")
+    if draft.layout.hosts[host] != end.site:
+        message = f"`{host}` is at site `{draft.layout.hosts[host]}`, not at `{end.site}`"
+        return message, f"name {_candidates(draft, end.site, kind)}" if kind is not None else "remove `device:`"
+    is_a = draft.kind_of(host)
+    if kind is None:
+        return f"link `{end.link.name}` is a plain cable (ethernet) and has no device", "remove `device:`"
+    if is_a is not None and is_a != kind:
+        message = f"link `{end.link.name}` is {end.kind}, but `{host}` is a {is_a}"
+        return message, f"name {_candidates(draft, end.site, kind)}"
+    return None
+
+
+def each_box_once(draft: Draft) -> Iterator[Finding]:
+    """A radio carries one link."""
+    for end, first in _shared(draft):
+        where = draft.where(first.part, *first.path, "device")
+        message = f"`{end.link.device}` already carries link `{first.link.name}` ({where})"
+        yield draft.wrong(end.part, (*end.path, "device"), message, "a device carries one link")
+
+
+def _shared(draft: Draft) -> Iterator[tuple[BridgeEnd, BridgeEnd]]:
+    seen: dict[str, BridgeEnd] = {}
+    for end in ends(draft):
+        if end.link.device is None or _wrong_device(draft, end, end.link.device, end.kind.traits.box) is not None:
+            continue
+        first = seen.setdefault(end.link.device, end)
+        if first is not end:
+            yield end, first
+
+
+def no_box_idle(draft: Draft) -> Iterator[Finding]:
+    """No radio is left without a link. Where a link of its kind waits for one, that is the error, told there."""
+    waiting = {(end.site, end.kind.traits.box) for end, _ in _shared(draft)}
+    used = set()
+    for end in ends(draft):
+        kind = end.kind.traits.box
+        if end.link.device is None or _wrong_device(draft, end, end.link.device, kind) is not None:
+            waiting.add((end.site, kind))
+        used.add(end.link.device)
+    boxes = {traits.box for traits in BEARER_TRAITS.values()}
+    for host, device in draft.devices.items():
+        site = draft.layout.hosts[host]
+        if device.kind not in boxes or host in used or site not in draft.sites:
+            continue
+        if (site, device.kind) not in waiting:
+            message = f"`{host}` carries no link of `{site}`"
+            hint = f"name it as `device:` of a link in group_vars/{site}.yml, or remove the host"
+            yield draft.wrong(Part("device", host), (), message, hint)
+
+
+def boxes_in_network(draft: Draft) -> Iterator[Finding]:
+    """The box at this end has an address of the link's network."""
+    second = [end for end, _ in _shared(draft)]
+    for end in ends(draft):
+        host = end.link.device
+        if host is None or end in second or _wrong_device(draft, end, host, end.kind.traits.box) is not None:
+            continue
+        device = draft.devices.get(host)
+        path = ("access", "address") if isinstance(device, Cpe) else ("address",)
+        address = device.access.address if isinstance(device, Cpe) else getattr(device, "address", None)
+        if address is not None and (why := why_unusable(address, end.link.network)):
+            message = f"the address {address} of `{host}` {why}, the network of link `{end.link.name}`"
+            yield draft.wrong(Part("device", host), path, message, example_in(end.link.network))
+
+
+RULES: tuple[Rule, ...] = (addresses, names, devices, each_box_once, no_box_idle, boxes_in_network, gaps_leave_time)
+
+
+def bridges(draft: Draft) -> Iterator[Finding]:
+    """Both ends of a Wi-Fi bridge are declared, and they are one network with the served end as its gateway."""
+    every = list(ends(draft))
+    if len(draft.sites) != len(draft.layout.sites):
+        return  # an invalid site may hold the other end
+    bearers = [end for end in every if end.path[0] == "bearers" and end.kind.traits.bridge]
+    served = [end for end in every if end.path[0] == "served_links"]
+    lost = [finding for end in served for finding in _carried(draft, end, bearers)]
+    yield from lost
+    for end in bearers:
+        far = [other for other in served if _carries(other) == end.site]
+        if not far and not lost:  # a served link that carries a wrong site may be the one
+            message = f"no site serves the other end of link `{end.link.name}` of `{end.site}`"
+            hint = f"add it to `served_links` of the other site, with `carries: {end.site}`"
+            yield draft.wrong(end.part, end.path, message, hint)
+        for other in far[1:]:
+            where = draft.where(far[0].part, *far[0].path)
+            message = f"`{end.site}` is carried twice, first by `{far[0].link.name}` ({where})"
+            yield draft.wrong(other.part, (*other.path, "carries"), message, "keep one")
+        if far:
+            yield from _agree(draft, end, far[0])
+
+
+def _carries(end: BridgeEnd) -> str:
+    return str(getattr(end.link, "carries", ""))
+
+
+def _carried(draft: Draft, end: BridgeEnd, bearers: list[BridgeEnd]) -> Iterator[Finding]:
+    carried, path = _carries(end), (*end.path, "carries")
+    others = [site for site in draft.sites if site != end.site]
+    if carried == end.site:
+        message = f"link `{end.link.name}` carries its own site"
+        yield draft.wrong(end.part, path, message, f"name the site at the other end: {', '.join(others)}")
+    elif carried not in draft.sites:
+        yield draft.wrong(end.part, path, f"there is no site `{carried}`", meant(carried, others, none="add the site"))
+    elif not any(bearer.site == carried for bearer in bearers):
+        message = f"`{carried}` has no wifi_ptp bearer that link `{end.link.name}` could serve"
+        yield draft.wrong(end.part, path, message, f"add the bearer to `{carried}`, or remove this link")
+
+
+def _agree(draft: Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
+    where = f"`{far.site}` says {far.link.network} ({draft.where(far.part, *far.path, 'network')})"
+    if near.link.network != far.link.network:
+        message = f"the two ends of link `{near.link.name}` are in different networks: {near.link.network} here,"
+        yield draft.wrong(near.part, (*near.path, "network"), f"{message} {where}", "make both the same")
+        return
+    gateway = getattr(near.link, "gateway", None)
+    if gateway != far.link.address:
+        where = draft.where(far.part, *far.path, "address")
+        message = f"the gateway {gateway} of link `{near.link.name}` is not the router that serves it"
+        yield draft.wrong(near.part, (*near.path, "gateway"), message, f"{far.link.address}, as {where} has it")
+
+
+BRIDGES_RULES: tuple[Rule, ...] = (bridges,)

@@ -1,0 +1,206 @@
+"""How the toolkit reaches a RouterOS device, and that the device's own firewall lets it in.
+
+hosts.yml and the devices agree on what every host is.
+
+Time: the zone and the servers.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError, available_timezones
+
+from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory._hosts import KIND_GROUPS
+from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.model import Access, Cpe, Router, Site, Switch
+from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from ipaddress import IPv4Address
+
+
+_LAN = "lan"
+
+
+def technician_in_network(draft: Draft) -> Iterator[Finding]:
+    """The laptop's address is one of the management network."""
+    for name, site in draft.sites.items():
+        if why := why_unusable(site.management.technician, site.management.network):
+            message = f"the technician's address {site.management.technician} {why}"
+            hint = example_in(site.management.network)
+            yield draft.wrong(Part("site", name), ("management", "technician"), message, hint)
+
+
+def technician_admitted(draft: Draft) -> Iterator[Finding]:
+    """The firewall of the devices admits the laptop."""
+    for name, site in draft.sites.items():
+        outside = why_unusable(site.management.technician, site.management.network)
+        if outside is None and not any(site.management.technician in network for network in site.management.admit):
+            message = f"the routers' firewall would drop the technician: no prefix holds {site.management.technician}"
+            hint = f"add {site.management.network}"
+            yield draft.wrong(Part("site", name), ("management", "admit"), message, hint)
+
+
+def vpn_admitted(draft: Draft) -> Iterator[Finding]:
+    """Where a device is managed through the tunnel, its firewall admits the infrastructure's tunnel addresses."""
+    if draft.pilot is None:
+        return
+    pool = draft.pilot.vpn.infrastructure
+    for name, site in draft.sites.items():
+        if _by_tunnel(draft, name) and not any(pool.subnet_of(prefix) for prefix in site.management.admit):
+            message = f"the routers' firewall would drop management through the VPN: no prefix holds {pool}"
+            yield draft.wrong(Part("site", name), ("management", "admit"), message, f"add {pool}")
+
+
+def _by_tunnel(draft: Draft, site: str) -> bool:
+    found = draft.router_of(site)
+    if found is not None and found[1].vpn_client is not None:
+        return True
+    return any(place == site and access.via != _LAN for _, place, access in _accesses(draft))
+
+
+def _accesses(draft: Draft) -> Iterator[tuple[str, str, Access]]:
+    """Host, site and access of every device that the toolkit drives."""
+    for host, device in draft.devices.items():
+        if isinstance(device, Router | Switch | Cpe):
+            yield host, draft.layout.hosts[host], device.access
+
+
+def partners_kept_out(draft: Draft) -> Iterator[Finding]:
+    """No prefix lets a partner's robots manage our routers."""
+    if draft.pilot is None:
+        return
+    network = draft.pilot.vpn.infrastructure
+    for name, site in draft.sites.items():
+        for index, prefix in enumerate(site.management.admit):
+            pools = {partner: item.vpn_pool for partner, item in draft.partners.items()}
+            inside = [
+                partner for partner, pool in pools.items() if pool.overlaps(prefix) and not pool.overlaps(network)
+            ]
+            if inside:
+                message = f"{prefix} would let partners manage the routers: {', '.join(inside)}"
+                hint = "admit the management network and the VPN's infrastructure pool only"
+                yield draft.wrong(Part("site", name), ("management", "admit", index), message, hint)
+
+
+def router_in_network(draft: Draft) -> Iterator[Finding]:
+    """A router is reached at an address of its management port."""
+    for host, name, router in draft.boxes(Router):
+        site = draft.sites.get(name)
+        if site is not None and (why := why_unusable(router.access.address, site.management.network)):
+            message = f"the management address {router.access.address} {why}, the management network of `{name}`"
+            hint = example_in(site.management.network)
+            yield draft.wrong(Part("device", host), ("access", "address"), message, hint)
+
+
+def switch_in_lan(draft: Draft) -> Iterator[Finding]:
+    """A switch is reached at an address of the LAN that DHCP gives to nobody else."""
+    for host, name, switch in draft.boxes(Switch):
+        site, address, part = draft.sites.get(name), switch.access.address, Part("device", host)
+        if site is None:
+            continue
+        if why := why_unusable(address, site.lan.network):
+            message = f"the management address {address} {why}, the LAN of `{name}`"
+            yield draft.wrong(part, ("access", "address"), message, example_in(site.lan.network))
+        elif site.lan.dhcp.first <= address <= site.lan.dhcp.last:
+            message = f"the management address {address} of `{host}` is inside the DHCP range of `{name}`"
+            hint = f"choose one outside {site.lan.dhcp.first} to {site.lan.dhcp.last}"
+            yield draft.wrong(part, ("access", "address"), message, hint)
+
+
+def via_known(draft: Draft) -> Iterator[Finding]:
+    """`via` is the management port or a bearer of the site."""
+    for host, name, access in _accesses(draft):
+        site = draft.sites.get(name)
+        if site is not None and access.via not in _ways(site):
+            message, hint = f"`{access.via}` is no bearer of `{name}`", meant(access.via, _ways(site), none="")
+            yield draft.wrong(Part("device", host), ("access", "via"), message, hint)
+
+
+def _ways(site: Site) -> list[str]:
+    return [_LAN, *(bearer.name for bearer in site.bearers)]
+
+
+RULES: tuple[Rule, ...] = (
+    technician_in_network,
+    technician_admitted,
+    vpn_admitted,
+    partners_kept_out,
+    router_in_network,
+    switch_in_lan,
+    via_known,
+)
+
+_GROUP_OF = {kind: group for group, kind in KIND_GROUPS.items()}
+
+
+def grouped(draft: Draft) -> Iterator[Finding]:
+    """A host stands in the group of its kind: playbooks go by the group."""
+    for host, mark in draft.layout.marks.items():
+        kind, result = draft.layout.kinds.get(host), draft.kind_of(host)
+        if kind is None and host not in draft.layout.misspelt:
+            hint = (
+                f"add `{host}:` below `{_GROUP_OF[result]}:`"
+                if result is not None
+                else "add it below its kind of device"
+            )
+            yield Finding.at(mark, f"`{host}` is in no group of devices", hint)
+        elif kind is not None and result is not None and kind != result:
+            group = draft.layout.kind_marks[host]
+            message = f"`{host}` is a {result}, but stands in group `{_GROUP_OF[kind]}` ({group.file}:{group.line})"
+            hint = f"move it to `{_GROUP_OF[result]}`, or write `kind: {kind}`"
+            yield draft.wrong(Part("device", host), ("kind",), message, hint)
+
+
+def one_router(draft: Draft) -> Iterator[Finding]:
+    """A site has one router: it holds the LAN, every link and the management network."""
+    for site, mark in draft.layout.sites.items():
+        here = [host for host, place in draft.layout.hosts.items() if place == site]
+        routers = [host for host in here if draft.kind_of(host) == "router"]
+        unclear = any(draft.kind_of(host) is None for host in here)
+        if not routers and not unclear:
+            message = f"site `{site}` has no router" if here else f"site `{site}` has no hosts"
+            yield Finding.at(mark, message, "add its router, below the site and below `routers:`")
+        for second in routers[1:]:
+            message = f"site `{site}` has a second router, the first is `{routers[0]}`"
+            yield Finding.at(draft.layout.marks[second], message, "a site has one router: make it a site of its own")
+
+
+GROUPS_RULES: tuple[Rule, ...] = (grouped, one_router)
+
+
+def zone(draft: Draft) -> Iterator[Finding]:
+    """The zone is one of the IANA database, which RouterOS uses as well. A machine without the database cannot tell."""
+    if draft.pilot is None or _exists(draft.pilot.time_zone):
+        return
+    known = available_timezones()
+    if known:
+        near = nearest(draft.pilot.time_zone, known)
+        hint = f"did you mean `{near}`?" if near else "a time zone is like Europe/Lisbon"
+        yield draft.wrong(Part("pilot"), ("time_zone",), f"there is no time zone `{draft.pilot.time_zone}`", hint)
+
+
+def _exists(name: str) -> bool:
+    try:
+        ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError, OSError):  # OSError: a folder of the database, like `Europe`
+        return False
+    return True
+
+
+def servers(draft: Draft) -> Iterator[Finding]:
+    """A time server stands once."""
+    if draft.pilot is None:
+        return
+    seen: dict[IPv4Address, str] = {}
+    for index, time_server in enumerate(draft.pilot.time_servers):
+        if time_server.address in seen:
+            message = f"{time_server.address} is already the address of {seen[time_server.address]}"
+            yield draft.wrong(Part("pilot"), ("time_servers", index, "address"), message, "name another server")
+        seen.setdefault(time_server.address, time_server.name)
+
+
+CLOCK_RULES: tuple[Rule, ...] = (zone, servers)

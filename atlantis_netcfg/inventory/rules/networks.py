@@ -1,0 +1,173 @@
+"""The address plan as a whole: no network overlaps another, and every pool lies where it belongs.
+
+Where an address stands in its network.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right, insort
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv4Network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory.model import Gateway
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from atlantis_netcfg.inventory.findings import Finding
+
+
+_RESERVED: tuple[tuple[IPv4Network, str], ...] = (
+    (IPv4Network("0.0.0.0/8"), "this network"),
+    (IPv4Network("127.0.0.0/8"), "loopback"),
+    (IPv4Network("169.254.0.0/16"), "link-local addresses"),
+    (IPv4Network("224.0.0.0/4"), "multicast"),
+    (IPv4Network("240.0.0.0/4"), "nothing, it is reserved"),
+)
+"""RFC 6890, and RFC 5771 for multicast."""
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A network that something in the pilot uses."""
+
+    network: IPv4Network
+    what: str
+    part: Part
+    path: tuple[str | int, ...]
+    end: str = ""
+    """Which end of a Wi-Fi bridge it is: both ends are one network."""
+
+
+def claims(draft: Draft) -> Iterator[Claim]:
+    """Every network of the pilot that must be disjoint from all others; the VPN's pools lie inside the VPN's."""
+    for name, site in draft.sites.items():
+        part = Part("site", name)
+        yield Claim(site.lan.network, f"the LAN of `{name}`", part, ("lan", "network"))
+        yield Claim(site.management.network, f"the management network of `{name}`", part, ("management", "network"))
+        for index, bearer in enumerate(site.bearers):
+            end = "carried" if bearer.kind.traits.bridge else ""
+            what = f"link `{bearer.name}` of `{name}`"
+            yield Claim(bearer.network, what, part, ("bearers", index, "network"), end)
+        for index, link in enumerate(site.served_links):
+            what = f"link `{link.name}` of `{name}`"
+            yield Claim(link.network, what, part, ("served_links", index, "network"), "serving")
+    for host, _, gateway in draft.boxes(Gateway):
+        if gateway.access_point is not None:
+            network, what = gateway.access_point.network, f"the access point of `{host}`"
+            yield Claim(network, what, Part("device", host), ("access_point", "network"))
+    for name, vehicle in draft.vehicles.items():
+        wifi = vehicle.endpoints.wifi
+        if wifi is not None and wifi.client is not None:
+            network, what = wifi.client.network, f"the access point of `{name}`"
+            yield Claim(network, what, Part("vehicle", name), ("endpoints", "wifi", "client", "network"))
+    if draft.pilot is not None:
+        yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
+
+
+class NetworkIndex:
+    """Claims by place, for pilots of hundreds of sites: of two networks that overlap, one contains the other."""
+
+    def __init__(self, found: Iterable[Claim] = ()) -> None:
+        self._claims: list[Claim] = []
+        self._by_network: dict[IPv4Network, list[int]] = {}
+        self._starts: list[tuple[int, int]] = []
+        self._lengths: set[int] = set()
+        for claim in found:
+            self.add(claim)
+
+    def add(self, claim: Claim) -> None:
+        """Take one more."""
+        number = len(self._claims)
+        self._claims.append(claim)
+        self._by_network.setdefault(claim.network, []).append(number)
+        self._lengths.add(claim.network.prefixlen)
+        insort(self._starts, (int(claim.network.network_address), number))
+
+    def over(self, network: IPv4Network) -> list[Claim]:
+        """Return the claims that overlap a network, in the order in which they came."""
+        first, last = int(network.network_address), int(network.broadcast_address)
+        low, high = bisect_left(self._starts, (first, 0)), bisect_right(self._starts, (last, len(self._claims)))
+        found = {number for _, number in self._starts[low:high]}
+        for length in (length for length in self._lengths if length < network.prefixlen):
+            found.update(self._by_network.get(network.supernet(new_prefix=length), ()))
+        return [self._claims[number] for number in sorted(found)]
+
+
+def disjoint(draft: Draft) -> Iterator[Finding]:
+    """No two networks of the pilot overlap, at one site or across sites; told once for each network."""
+    seen = NetworkIndex()
+    for claim in claims(draft):
+        others = [other for other in seen.over(claim.network) if not _one_bridge(claim, other)]
+        if others:
+            first = others[0]
+            more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+            where = f"{first.network} of {first.what} ({draft.where(first.part, *first.path)}){more}"
+            message = f"{claim.network} of {claim.what} overlaps {where}"
+            yield draft.wrong(claim.part, claim.path, message, "give it a network of its own")
+        seen.add(claim)
+
+
+def _one_bridge(claim: Claim, other: Claim) -> bool:
+    return {claim.end, other.end} == {"carried", "serving"} and claim.network == other.network
+
+
+def usable(draft: Draft) -> Iterator[Finding]:
+    """No network lies in a block that devices cannot use."""
+    for claim in claims(draft):
+        for block, purpose in _RESERVED:
+            if claim.network.overlaps(block):
+                message = f"{claim.network} of {claim.what} touches {block}, which is for {purpose}"
+                yield draft.wrong(claim.part, claim.path, message, "choose from 10.0.0.0/8, or as the provider gave it")
+                break
+
+
+def pools(draft: Draft) -> Iterator[Finding]:
+    """The VPN's pools lie inside the VPN's network and do not overlap one another."""
+    if draft.pilot is None:
+        return
+    vpn = draft.pilot.vpn
+    infrastructure = ("infrastructure", vpn.infrastructure, Part("pilot"), ("vpn", "infrastructure"))
+    partners = [
+        (f"`{name}`", partner.vpn_pool, Part("partner", name), ("vpn_pool",))
+        for name, partner in draft.partners.items()
+    ]
+    seen: list[tuple[str, IPv4Network, Part, tuple[str, ...]]] = []
+    for what, pool, part, path in (infrastructure, *partners):
+        if not pool.subnet_of(vpn.network):
+            where = draft.where(Part("pilot"), "vpn", "network")
+            message = f"the pool {pool} of {what} is not inside the VPN's network {vpn.network} ({where})"
+            yield draft.wrong(part, path, message, f"choose a part of {vpn.network}")
+        for other, taken, other_part, other_path in seen:
+            if pool.overlaps(taken):
+                where = draft.where(other_part, *other_path)
+                message = f"the pool {pool} of {what} overlaps {taken} of {other} ({where})"
+                yield draft.wrong(part, path, message, "give it a pool of its own")
+        seen.append((what, pool, part, path))
+
+
+RULES: tuple[Rule, ...] = (disjoint, usable, pools)
+
+_POINT_TO_POINT = 31
+
+
+def why_unusable(address: IPv4Address, network: IPv4Network) -> str | None:
+    """Why a device of the network cannot have the address; None if it can. A /31 uses both of its two (RFC 3021)."""
+    if address not in network:
+        return f"is outside {network}"
+    if network.prefixlen >= _POINT_TO_POINT:
+        return None
+    if address == network.network_address:
+        return f"is the network's own address in {network}"
+    if address == network.broadcast_address:
+        return f"is the broadcast address of {network}"
+    return None
+
+
+def example_in(network: IPv4Network) -> str:
+    """What to type for an address of the network."""
+    if network.prefixlen >= _POINT_TO_POINT:
+        return f"choose {network.network_address} or {network.broadcast_address}"
+    return f"choose one from {network.network_address + 1} to {network.broadcast_address - 1}"

@@ -1,0 +1,75 @@
+"""Measuring links: the far end is a control centre, its port is free, and its key is long enough."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory._yaml import SealedSecret
+from atlantis_netcfg.inventory.findings import Finding, choices, meant
+from atlantis_netcfg.inventory.model import KEY_OCTETS, Transport
+from atlantis_netcfg.inventory.rules.networks import claims
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_PILOT = Part("pilot")
+
+
+def reflector(draft: Draft) -> Iterator[Finding]:
+    """The far end is a control centre: only that one is reached from outside over every link."""
+    if draft.pilot is None or draft.pilot.qualify is None:
+        return
+    host = draft.pilot.qualify.reflector
+    centres = [name for name in draft.layout.hosts if draft.kind_of(name) == "control_centre"]
+    kind = draft.kind_of(host)
+    path = ("qualify", "reflector")
+    if host not in draft.layout.hosts:
+        hint = meant(host, centres, none="add a host of group control_centres")
+        yield draft.wrong(_PILOT, path, f"there is no host `{host}`", hint)
+    elif kind not in {None, "control_centre"}:
+        hint = f"name a control_centre: {choices(centres) or 'there is none'}"
+        yield draft.wrong(_PILOT, path, f"`{host}` is a {kind}", hint)
+
+
+def port_is_free(draft: Draft) -> Iterator[Finding]:
+    """The router of its site forwards the port by itself: a row of `forwards` would lead it to two hosts, or twice."""
+    if draft.pilot is None or draft.pilot.qualify is None:
+        return
+    qualify = draft.pilot.qualify
+    found = draft.router_of(draft.layout.hosts.get(qualify.reflector, ""))
+    if found is None:
+        return
+    host, router = found
+    for index, forward in enumerate(router.forwards):
+        if (forward.transport, forward.port) == (Transport.UDP, qualify.port):
+            where = draft.where(Part("device", host), "forwards", index, "port")
+            message = f"udp port {qualify.port} is already forwarded to `{forward.to}` ({where})"
+            hint = f"choose another `port:`, or remove that row: `{host}` forwards this port by itself"
+            yield draft.wrong(_PILOT, ("qualify", "port"), message, hint)
+
+
+def key_is_long(draft: Draft) -> Iterator[Finding]:
+    """Whoever guesses the key may use the far end."""
+    if draft.pilot is None or draft.pilot.qualify is None or isinstance(draft.pilot.qualify.key, SealedSecret):
+        return
+    length = len(draft.pilot.qualify.key.reveal().encode())
+    if length < KEY_OCTETS:
+        message = f"the key has {length} octets, and {KEY_OCTETS} are needed"
+        yield draft.wrong(_PILOT, ("qualify", "key"), message, "`openssl rand -base64 24` makes one")
+
+
+def address_outside(draft: Draft) -> Iterator[Finding]:
+    """The far end is reached by a public address, so that each link can be measured without the VPN."""
+    if draft.pilot is None or draft.pilot.qualify is None or draft.pilot.qualify.address is None:
+        return
+    address = draft.pilot.qualify.address
+    for claim in claims(draft):
+        if claim.path[0] in {"vpn", "lan", "management", "served_links"} and address in claim.network:
+            where = draft.where(claim.part, *claim.path)
+            message = f"the far end {address} is inside {claim.what}, {claim.network} ({where})"
+            hint = "name the public address of the control centre, or leave `address:` out: then it is `vpn.endpoint`"
+            yield draft.wrong(_PILOT, ("qualify", "address"), message, hint)
+
+
+RULES: tuple[Rule, ...] = (reflector, port_is_free, key_is_long, address_outside)

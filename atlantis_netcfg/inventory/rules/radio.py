@@ -1,0 +1,372 @@
+"""The directional Wi-Fi bridge: legal channels, settings that exist, two ends that agree, a power that fits both."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory import channels
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory._yaml import SealedSecret
+from atlantis_netcfg.inventory.findings import Finding, choices, meant
+from atlantis_netcfg.inventory.model import (
+    Cpe,
+    Gateway,
+    Ptp,
+    PtpMode,
+    PtpProtocol,
+    RadioMenus,
+    Router,
+    Switch,
+    WifiRadio,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.core.secret import Secret
+
+_SHARED = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
+"""What both ends have in common, besides the key."""
+_WIDEST = {"2ghz": 40, "5ghz": 80}
+_KEY_CHARACTERS = range(8, 64)
+"""Of a WPA2 passphrase (IEEE 802.11, annex M.4); RouterOS takes the same for nv2."""
+
+
+def _radios(draft: Draft) -> Iterator[tuple[str, Part, Ptp]]:
+    for host, _, cpe in draft.boxes(Cpe):
+        yield host, Part("device", host), cpe.ptp
+
+
+def _transmitters(draft: Draft) -> Iterator[tuple[Part, str, WifiRadio]]:
+    """Every radio that the law and the cards bind alike, with the block in which it is declared."""
+    for _, part, ptp in _radios(draft):
+        yield part, "ptp", ptp
+    for host, device in draft.devices.items():
+        if isinstance(device, Router | Switch | Gateway) and device.access_point is not None:
+            yield Part("device", host), "access_point", device.access_point
+
+
+def standard_and_band(draft: Draft) -> Iterator[Finding]:
+    """The standard exists in the band."""
+    for part, block, radio in _transmitters(draft):
+        bands = channels.BANDS[radio.standard]
+        if radio.band not in bands:
+            message = f"{radio.standard} is a standard of {' and '.join(bands)}, not of {radio.band}"
+            fitting = [standard for standard, its in channels.BANDS.items() if radio.band in its]
+            hint = f"write `band: {bands[0]}`, or one of {', '.join(fitting)}"
+            yield draft.wrong(part, (block, "standard"), message, hint)
+
+
+def width(draft: Draft) -> Iterator[Finding]:
+    """The standard and the band know the width."""
+    for part, block, radio in _transmitters(draft):
+        widths = [item for item in channels.WIDTHS[radio.standard] if item <= _WIDEST[radio.band]]
+        if radio.width_mhz not in widths:
+            message = f"{radio.standard} at {radio.band} has no channels of {radio.width_mhz} MHz"
+            yield draft.wrong(part, (block, "width_mhz"), message, f"choose {' or '.join(map(str, widths))}")
+
+
+def protocol_and_standard(draft: Draft) -> Iterator[Finding]:
+    """nv2 and nstreme exist in the package `wireless` only, which no 802.11ax device runs (MikroTik manual, WiFi)."""
+    for _, part, ptp in _radios(draft):
+        if ptp.standard == "802.11ax" and ptp.protocol is not PtpProtocol.IEEE_80211:
+            message = f"a device of 802.11ax does not speak {ptp.protocol}"
+            yield draft.wrong(part, ("ptp", "protocol"), message, 'write "802.11", or choose an older standard')
+
+
+def protocol_that_is_set_up(draft: Draft) -> Iterator[Finding]:
+    """The protocol nstreme needs settings of its own, and nv2 does better what it is for (MikroTik manual, Nv2)."""
+    for _, part, ptp in _radios(draft):
+        if ptp.protocol is PtpProtocol.NSTREME:
+            message = "nstreme is not set up by this toolkit"
+            yield draft.wrong(part, ("ptp", "protocol"), message, 'write nv2, or "802.11"')
+
+
+def menus(draft: Draft) -> Iterator[Finding]:
+    """What is declared exists in the declared family of menus."""
+    for _, part, ptp in _radios(draft):
+        if ptp.menus is RadioMenus.WIFI and ptp.protocol is PtpProtocol.NV2:
+            message = "the `wifi` menus do not speak nv2"
+            hint = 'write `menus: wireless`, or `protocol: "802.11"` at both ends'
+        elif ptp.menus is RadioMenus.WIRELESS and ptp.standard == "802.11ax":
+            message = "the `wireless` menus do not know 802.11ax"
+            hint = "write `menus: wifi` or `menus: auto`, or choose an older standard"
+        else:
+            continue
+        yield draft.wrong(part, ("ptp", "menus"), message, hint)
+
+
+def menus_of_an_access_point(draft: Draft) -> Iterator[Finding]:
+    """The older menus know neither 802.11ax nor WPA3."""
+    for host, device in draft.devices.items():
+        radio = device.access_point if isinstance(device, Router | Switch) else None
+        part = Part("device", host)
+        if radio is None or radio.menus != "wireless":
+            continue
+        for name, value in (("standard", "802.11ax"), ("wpa", "wpa3")):
+            if getattr(radio, name) == value:
+                hint = "write `menus: wifi` if the router has them, or choose an older one"
+                yield draft.wrong(part, ("access_point", name), f"the `wireless` menus do not know {value}", hint)
+
+
+def same_menus(draft: Draft) -> Iterator[Finding]:
+    """A bridge needs the same driver at both ends (MikroTik manual, WiFi: station-bridge); told at the second."""
+    for host, part, ptp in _radios(draft):
+        other = draft.devices.get(ptp.peer)
+        if not isinstance(other, Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
+            continue
+        if {ptp.menus, other.ptp.menus} == {RadioMenus.WIRELESS, RadioMenus.WIFI}:
+            where = draft.where(Part("device", ptp.peer), "ptp", "menus")
+            message = f"`menus` is {ptp.menus} here and {other.ptp.menus} at the other end ({where})"
+            hint = "a bridge needs the same driver at both ends: take two devices of one family"
+            yield draft.wrong(part, ("ptp", "menus"), message, hint)
+
+
+def wpa(draft: Draft) -> Iterator[Finding]:
+    """WPA3 is for 802.11 in the `wifi` menus; nv2 has a key of its own."""
+    for _, part, ptp in _radios(draft):
+        if ptp.wpa != "wpa3":
+            continue
+        if ptp.menus is RadioMenus.WIRELESS:
+            yield draft.wrong(part, ("ptp", "wpa"), "the `wireless` menus do not know wpa3", "write `wpa: wpa2`")
+        elif ptp.protocol is PtpProtocol.NV2:
+            message = "nv2 has a key of its own, and no wpa3"
+            yield draft.wrong(part, ("ptp", "wpa"), message, 'leave `wpa` out, or write `protocol: "802.11"`')
+
+
+def _channel(radio: WifiRadio) -> tuple[str, str, int, int]:
+    return radio.country, radio.band, radio.frequency_mhz, radio.width_mhz
+
+
+def channel(draft: Draft) -> Iterator[Finding]:
+    """The channel exists in the band and is legal in the radio's country."""
+    for part, block, radio in _transmitters(draft):
+        known = channels.legal(radio.country, radio.band, radio.width_mhz, outdoors=radio.outdoor)
+        where = "outdoors" if radio.outdoor else "indoors"
+        hint = f"channels {where} in {radio.country}: {choices(map(str, known))}" if known else "choose a smaller width"
+        if not channels.is_channel(radio.band, radio.frequency_mhz):
+            message = f"{radio.frequency_mhz} MHz is no channel of {radio.band}"
+            yield draft.wrong(part, (block, "frequency_mhz"), message, hint)
+        elif why := channels.why_illegal(
+            radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor
+        ):
+            message = (
+                f"{radio.frequency_mhz} MHz with {radio.width_mhz} MHz width is not legal {where} in {radio.country}"
+            )
+            yield draft.wrong(part, (block, "frequency_mhz"), f"{message}: {why}", hint)
+
+
+def country(draft: Draft) -> Iterator[Finding]:
+    """A radio obeys the law of the pilot's country."""
+    if draft.pilot is None:
+        return
+    for part, block, radio in _transmitters(draft):
+        if radio.country != draft.pilot.country:
+            where = draft.where(Part("pilot"), "country")
+            message = f"the radio's country is {radio.country}, the pilot's is {draft.pilot.country} ({where})"
+            yield draft.wrong(part, (block, "country"), message, "make both the same")
+
+
+def key(draft: Draft) -> Iterator[Finding]:
+    """The key is one that both ends accept; a vaulted key that is still sealed cannot be looked at."""
+    for part, block, radio in _transmitters(draft):
+        if not is_passphrase(radio.key):
+            message = "the bridge's key must have 8 to 63 printable ASCII characters"
+            if block != "ptp":
+                message = "the access point's key must have 8 to 63 printable ASCII characters"
+            yield draft.wrong(part, (block, "key"), message, "make another key")
+
+
+def is_passphrase(key: Secret) -> bool:
+    """Whether radios take it; one that is still sealed cannot be looked at, and counts as taken."""
+    if isinstance(key, SealedSecret):
+        return True
+    text = key.reveal()
+    return len(text) in _KEY_CHARACTERS and text.isascii() and text.isprintable()
+
+
+def peers(draft: Draft) -> Iterator[Finding]:
+    """Each end names the other."""
+    others = [host for host in draft.layout.hosts if draft.kind_of(host) == "cpe"]
+    for host, part, ptp in _radios(draft):
+        known = [name for name in others if name != host]
+        peer = draft.devices.get(ptp.peer)
+        if ptp.peer not in draft.layout.hosts:
+            problem = (f"there is no host `{ptp.peer}`", meant(ptp.peer, known, none="add it to hosts.yml"))
+        elif ptp.peer == host:
+            problem = (f"`{host}` is its own peer", f"name the other end: {choices(known)}")
+        elif draft.kind_of(ptp.peer) not in {"cpe", None}:
+            message = f"`{ptp.peer}` is a {draft.kind_of(ptp.peer)}, not the other end of the bridge"
+            problem = (message, f"name the other end: {choices(known)}")
+        elif isinstance(peer, Cpe) and peer.ptp.peer not in {host, ptp.peer} and peer.ptp.peer in others:
+            where = draft.where(Part("device", ptp.peer), "ptp", "peer")
+            problem = (
+                f"the peer `{ptp.peer}` has another peer, `{peer.ptp.peer}` ({where})",
+                "let each name the other",
+            )
+        else:
+            continue
+        yield draft.wrong(part, ("ptp", "peer"), *problem)
+
+
+def agree(draft: Draft) -> Iterator[Finding]:
+    """Two ends that differ do not see each other; told at the second of them."""
+    for host, part, ptp in _radios(draft):
+        other = draft.devices.get(ptp.peer)
+        if not isinstance(other, Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
+            continue
+        first = Part("device", ptp.peer)
+        shared = (
+            _SHARED if draft.pilot is None else [item for item in _SHARED if item != "country"]
+        )  # else told by `country`
+        for name in shared:
+            here, there = getattr(ptp, name), getattr(other.ptp, name)
+            if here != there:
+                text = f"`{name}` is {_word(here)} here and {_word(there)} at the other end"
+                message = f"{text} ({draft.where(first, 'ptp', name)})"
+                yield draft.wrong(part, ("ptp", name), message, "make both ends the same")
+        sealed = isinstance(ptp.key, SealedSecret) or isinstance(other.ptp.key, SealedSecret)
+        if not sealed and ptp.key != other.ptp.key:
+            message = f"the key differs from the other end's ({draft.where(first, 'ptp', 'key')})"
+            yield draft.wrong(part, ("ptp", "key"), message, "make both ends the same")
+        if ptp.mode is other.ptp.mode:
+            both = f"both ends are {ptp.mode} ({draft.where(first, 'ptp', 'mode')})"
+            opposite = next(mode for mode in PtpMode if mode is not ptp.mode)
+            yield draft.wrong(part, ("ptp", "mode"), both, f"write `mode: {opposite}` at one of them")
+
+
+def _second(draft: Draft, host: str, peer: str) -> bool:
+    order = list(draft.layout.hosts)
+    return order.index(host) > order.index(peer)
+
+
+def _word(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value}"
+
+
+def bridged_peers(draft: Draft) -> Iterator[Finding]:
+    """The radios of a bridge are those of the link's two ends."""
+    for name, site in draft.sites.items():
+        for index, link in enumerate(site.served_links):
+            far = draft.sites.get(link.carries)
+            here = draft.devices.get(link.device)
+            carried = (
+                {bearer.device for bearer in far.bearers if bearer.kind.traits.bridge} if far is not None else set()
+            )
+            peer = here.ptp.peer if isinstance(here, Cpe) else None
+            known = peer is not None and draft.kind_of(peer) == "cpe" and peer != link.device
+            if known and carried and None not in carried and peer not in carried:
+                message = (
+                    f"`{link.device}` points at `{peer}`, which is not the radio of the bridge at `{link.carries}`"
+                )
+                hint = f"its peer is {choices(str(item) for item in carried)}: correct `peer` or `carries`"
+                yield draft.wrong(Part("site", name), ("served_links", index, "device"), message, hint)
+
+
+RULES: tuple[Rule, ...] = (
+    standard_and_band,
+    width,
+    protocol_and_standard,
+    protocol_that_is_set_up,
+    menus,
+    menus_of_an_access_point,
+    same_menus,
+    wpa,
+    channel,
+    country,
+    key,
+    peers,
+    agree,
+    bridged_peers,
+)
+
+_SHORT_M = 500
+_LIGHT_M_S = 299_792_458.0
+_AIM_DBM = -50
+"""In the middle of what is healthy, for the power that a hint names."""
+
+
+def _lost_db(ptp: Ptp, distance_m: int) -> float:
+    return 20 * math.log10(4 * math.pi * distance_m * ptp.frequency_mhz * 1e6 / _LIGHT_M_S)
+
+
+def bounds(draft: Draft) -> Iterator[Finding]:
+    """The weakest level is below the strongest."""
+    for _, part, ptp in _radios(draft):
+        if ptp.signal.weakest_dbm >= ptp.signal.strongest_dbm:
+            message = f"the weakest level, {ptp.signal.weakest_dbm} dBm, is not below the strongest"
+            message += f", {ptp.signal.strongest_dbm} dBm"
+            yield draft.wrong(part, ("ptp", "signal"), message, "exchange them: -75 dBm is weaker than -35 dBm")
+
+
+def eirp(draft: Draft) -> Iterator[Finding]:
+    """What is radiated (EIRP: power and antenna gain together) is within the country's limit for the channel."""
+    for part, block, radio in _transmitters(draft):
+        if radio.tx_power_dbm is None or radio.antenna_gain_dbi is None:
+            continue
+        limit = channels.eirp_dbm(
+            radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor
+        )
+        if limit is not None and radio.tx_power_dbm + radio.antenna_gain_dbi > limit:
+            message = f"{radio.tx_power_dbm} dBm with an antenna of {radio.antenna_gain_dbi} dBi radiates"
+            message += f" {radio.tx_power_dbm + radio.antenna_gain_dbi} dBm; {radio.country} allows {limit:g} dBm"
+            message += f" at {radio.frequency_mhz} MHz"
+            most = int(limit) - radio.antenna_gain_dbi
+            hint = f"write `tx_power_dbm: {most}` or less" if most >= 0 else "take an antenna with less gain"
+            yield draft.wrong(part, (block, "tx_power_dbm"), message, hint)
+
+
+def short_link(draft: Draft) -> Iterator[Finding]:
+    """On a short link the power is declared: left to the country's limit it overdrives the other receiver."""
+    for _, part, ptp in _radios(draft):
+        if ptp.distance_m is None or ptp.distance_m >= _SHORT_M or ptp.tx_power_dbm is not None:
+            continue
+        message = f"over {ptp.distance_m} m full power overdrives the other receiver: `tx_power_dbm` has to be declared"
+        yield draft.wrong(part, ("ptp", "distance_m"), message, _power(ptp, ptp.distance_m))
+
+
+def _power(ptp: Ptp, distance_m: int) -> str:
+    """Name the power that would be heard well, should both ends have this antenna, as far as the law allows it."""
+    gain = ptp.antenna_gain_dbi
+    if gain is None:
+        return "write the antenna's gain as `antenna_gain_dbi`, and `tx_power_dbm`: start low, like 5"
+    between = 2 * gain - _lost_db(ptp, distance_m)
+    limit = channels.eirp_dbm(*_channel(ptp), outdoors=ptp.outdoor)
+    power = max(0, round(_AIM_DBM - between))
+    if limit is not None and power + gain > limit:
+        most = max(0, int(limit) - gain)
+        return f"the law allows `tx_power_dbm: {most}`, heard at about {most + between:.0f} dBm: take larger antennas"
+    return f"write `tx_power_dbm: {power}`, which the other end hears at about {power + between:.0f} dBm in free space"
+
+
+def level(draft: Draft) -> Iterator[Finding]:
+    """In free space the other end hears a level within the bounds that it declares.
+
+    A real link is some decibels weaker: 20 log10(4 pi d / wavelength) is lost between the antennas (ITU-R P.525).
+    Receivers are also spoilt by too much: on a link of 150 m full power overdrives them.
+    """
+    for host, part, ptp in _radios(draft):
+        other = draft.devices.get(ptp.peer)
+        distance_m = ptp.distance_m
+        if not isinstance(other, Cpe) or other.ptp.peer != host or distance_m is None:
+            continue
+        gains = (ptp.antenna_gain_dbi, other.ptp.antenna_gain_dbi)
+        if ptp.tx_power_dbm is None or gains[0] is None or gains[1] is None:
+            continue
+        received = ptp.tx_power_dbm + gains[0] + gains[1] - _lost_db(ptp, distance_m)
+        signal = other.ptp.signal
+        if signal.weakest_dbm >= signal.strongest_dbm:
+            continue  # told by `bounds`
+        if received > signal.strongest_dbm:
+            what, bound = "above the strongest level", signal.strongest_dbm
+        elif received < signal.weakest_dbm:
+            what, bound = "below the weakest level", signal.weakest_dbm
+        else:
+            continue
+        where = draft.where(Part("device", ptp.peer), "ptp", "signal")
+        message = f"`{ptp.peer}` would hear {received:.0f} dBm over {distance_m} m, {what} that it declares"
+        yield draft.wrong(part, ("ptp", "tx_power_dbm"), f"{message}, {bound} dBm ({where})", _power(ptp, distance_m))
+
+
+EIRP_RULES: tuple[Rule, ...] = (bounds, eirp, short_link, level)

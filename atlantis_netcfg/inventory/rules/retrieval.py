@@ -1,0 +1,126 @@
+"""Recordings for the control centre: the ends know each other by their host keys; robots are in a gateway's reach."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.model import COLLECTED, ControlCentre, Gateway, ServerComputer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_PILOT = Part("pilot")
+_HARDWARE = "sk-"
+"""Kinds of keys whose private half is not on the computer."""
+
+
+def ends_known(draft: Draft) -> Iterator[Finding]:
+    """From gateways, to a control centre."""
+    retrieval = draft.pilot.retrieval if draft.pilot is not None else None
+    if retrieval is None:
+        return
+    yield from _end(draft, ("to",), retrieval.to, ControlCentre, "control centre")
+    for index, source in enumerate(retrieval.sources):
+        yield from _end(draft, ("sources", index, "host"), source.host, Gateway, "gateway")
+    for index, robot in enumerate(retrieval.robots):
+        yield from _end(draft, ("robots", index, "host"), robot.host, Gateway, "gateway")
+
+
+def robots_known(draft: Draft) -> Iterator[Finding]:
+    """A robot is a declared vehicle, has one gateway, and a folder with its name that is no computer's."""
+    retrieval = draft.pilot.retrieval if draft.pilot is not None else None
+    names = [] if retrieval is None else [robot.robot for robot in retrieval.robots]
+    known = draft.names("vehicle")
+    for index, name in enumerate(names):
+        path = ("retrieval", "robots", index, "robot")
+        if name not in known:
+            hint = meant(name, known, none="add it to vehicles.yml")
+            yield draft.wrong(_PILOT, path, f"there is no vehicle `{name}`", hint)
+        elif name in names[:index]:
+            hint = "keep the one with the gateway of the site where the robot is now"
+            yield draft.wrong(_PILOT, path, f"`{name}` stands twice in this list", hint)
+        elif name in draft.layout.hosts:
+            message = f"`{name}` is also the name of a computer, and both would have the same folder"
+            yield draft.wrong(_PILOT, path, message, "give the vehicle another key")
+
+
+def robots_near(draft: Draft) -> Iterator[Finding]:
+    """What a gateway collects is not paid for, nor counted: the robot is in its LAN, or its radio in the robot's."""
+    retrieval = draft.pilot.retrieval if draft.pilot is not None else None
+    for index, robot in enumerate(retrieval.robots if retrieval is not None else ()):
+        path = ("retrieval", "robots", index)
+        here = draft.layout.hosts.get(robot.host, "")
+        site, vehicle = draft.sites.get(here), draft.vehicles.get(robot.robot)
+        if site is None or vehicle is None:
+            continue  # that is told
+        if robot.address is None:
+            if robot.robot not in [reservation.name for reservation in site.lan.reservations]:
+                message = f"the address of `{robot.robot}` at {here} is not declared"
+                hint = f"write `address:` here, or reserve one in `lan.reservations` of {here}"
+                yield draft.wrong(_PILOT, path, message, hint)
+            continue
+        wifi = vehicle.endpoints.wifi
+        radio = wifi.client.network if wifi is not None and wifi.client is not None else None
+        if robot.address not in site.lan.network and (radio is None or robot.address not in radio):
+            message = f"{robot.address} is neither in the LAN of {here}, nor in the network of `{robot.robot}` itself"
+            hint = f"what is collected is not counted, so it stays at the site: {site.lan.network} is the LAN of {here}"
+            yield draft.wrong(_PILOT, (*path, "address"), message, hint)
+
+
+def robots_apart(draft: Draft) -> Iterator[Finding]:
+    """Where a gateway keeps what it has collected, nothing else is laid down, and nobody removes a file."""
+    retrieval = draft.pilot.retrieval if draft.pilot is not None else None
+    gateways = {robot.host for robot in retrieval.robots} if retrieval is not None else set()
+    for index, source in enumerate(retrieval.sources if retrieval is not None else ()):
+        if source.host in gateways and _touches(source.folder):
+            path = ("retrieval", "sources", index, "folder")
+            message = f"{source.folder} is where `{source.host}` keeps what it collects from robots"
+            yield draft.wrong(_PILOT, path, message, "choose another folder: it is sent by the robot's own name")
+    for host, _, device in draft.boxes(Gateway):
+        if host in gateways and device.recording is not None and _touches(device.recording.folder):
+            message = f"{device.recording.folder} is where `{host}` keeps what it collects from robots"
+            yield draft.wrong(Part("device", host), ("recording",), message, "choose another folder")
+
+
+def _touches(folder: str) -> bool:
+    return f"{folder}/".startswith(f"{COLLECTED}/") or f"{COLLECTED}/".startswith(f"{folder}/")
+
+
+def sources_once(draft: Draft) -> Iterator[Finding]:
+    """A gateway has one folder of its own at the control centre."""
+    retrieval = draft.pilot.retrieval if draft.pilot is not None else None
+    names = [] if retrieval is None else [source.host for source in retrieval.sources]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            path = ("retrieval", "sources", index, "host")
+            yield draft.wrong(_PILOT, path, f"`{name}` stands twice in this list", "remove one")
+
+
+def _end(
+    draft: Draft, path: tuple[str | int, ...], name: str, kind: type[ServerComputer], words: str
+) -> Iterator[Finding]:
+    where = ("retrieval", *path)
+    if name not in draft.layout.hosts:
+        known = [host for host, _, _ in draft.boxes(kind)]
+        hint = meant(name, known, none=f"declare the {words} first")
+        yield draft.wrong(_PILOT, where, f"there is no host `{name}`", hint)
+        return
+    device = draft.devices.get(name)
+    if device is None:
+        return  # that is told
+    if not isinstance(device, kind):
+        hint = f"name a {words}: {', '.join(host for host, _, _ in draft.boxes(kind)) or 'none is declared'}"
+        yield draft.wrong(_PILOT, where, f"`{name}` is no {words}", hint)
+        return
+    if device.vpn_address is None:
+        message = f"recordings go through the VPN, and `{name}` has no address in it"
+        yield draft.wrong(_PILOT, where, message, f"write `vpn_address:` of `{name}`")
+    if device.ssh.host_key is None or device.ssh.host_key.startswith(_HARDWARE):
+        message = f"the two ends of a transfer know each other by their SSH host keys, and that of `{name}` is missing"
+        hint = f"write `ssh: {{host_key: …}}` in host_vars/{name}.yml: its /etc/ssh/ssh_host_ed25519_key.pub"
+        yield draft.wrong(_PILOT, where, message, hint)
+
+
+RULES: tuple[Rule, ...] = (ends_known, sources_once, robots_known, robots_near, robots_apart)

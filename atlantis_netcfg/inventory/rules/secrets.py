@@ -1,0 +1,120 @@
+"""Secrets are vaulted, and what is an example is known to be one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pydantic import BaseModel
+
+from atlantis_netcfg.core import passwords
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory._yaml import SealedSecret
+from atlantis_netcfg.inventory.examples import SSH_KEY, examples_in
+from atlantis_netcfg.inventory.findings import Finding, Mark
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_LENGTH = 12
+_GUESSES = 10**10
+"""What zxcvbn calls very hard to guess; a recorded handshake of WPA2 takes a million guesses a second."""
+_PREFIX = 32
+"""Characters that are judged: longer secrets are keys, and judging all of one takes long."""
+_BY_PROVIDER = {("sim", "pin"), ("sim", "password")}
+"""Nobody here has chosen them: the provider has."""
+
+
+def in_clear(draft: Draft) -> Iterator[Finding]:
+    """A real secret never stands readable in a file that goes into git."""
+    for part, model in _holders(draft):
+        for path, secret in _secrets(model):
+            vaulted = isinstance(draft.nodes[part].at(*path).value, Secret)
+            if not vaulted and not secret.is_example:
+                name = str(path[-1])
+                message = f"`{name}` stands in clear text"
+                yield draft.wrong(part, path, message, f"ansible-vault encrypt_string --stdin-name {name}")
+
+
+def printable(draft: Draft) -> Iterator[Finding]:
+    """A secret can be typed on a console."""
+    for part, model in _holders(draft):
+        for path, secret in _secrets(model):
+            if not isinstance(secret, SealedSecret) and not (secret.reveal() and secret.reveal().isprintable()):
+                message = f"`{path[-1]}` is empty, or has a line break or another control character"
+                yield draft.wrong(part, path, message, "make another one")
+
+
+def weak(draft: Draft) -> Iterator[Finding]:
+    """A secret that was opened is none of the examples, and not easy to guess."""
+    words = (*draft.sites, *draft.layout.hosts)
+    for part, model in _holders(draft):
+        for path, secret in _secrets(model):
+            if isinstance(draft.nodes[part].at(*path).value, Secret) and not isinstance(secret, SealedSecret):
+                message, hint = _weakness(str(path[-1]), secret.reveal(), words, is_ours=path[-2:] not in _BY_PROVIDER)
+                if message:
+                    yield draft.wrong(part, path, message, hint)
+
+
+def _weakness(name: str, text: str, words: tuple[str, ...], *, is_ours: bool) -> tuple[str, str]:
+    """What is wrong with a secret, and what to do; both empty if nothing is."""
+    if "EXAMPLE" in text.upper():
+        hint = "vault the real value; while there is none, write EXAMPLE-… without `!vault`"
+        return f"`{name}` is vaulted, but it is still an example", hint
+    if not (is_ours and text and text.isprintable()):  # for the latter two see above
+        return "", ""
+    hint = f"make a random one (openssl rand -base64 18), then ansible-vault encrypt_string --stdin-name {name}"
+    if len(text) < _LENGTH:
+        return f"`{name}` has fewer than {_LENGTH} characters", hint
+    if passwords.guesses(text[:_PREFIX], words)[0] < _GUESSES:
+        return f"`{name}` is easy to guess", hint
+    return "", ""
+
+
+def _holders(draft: Draft) -> Iterator[tuple[Part, BaseModel]]:
+    """Every part that may hold a secret."""
+    if draft.pilot is not None:
+        yield Part("pilot"), draft.pilot
+    for host, device in draft.devices.items():
+        yield Part("device", host), device
+    for name, vehicle in draft.vehicles.items():
+        yield Part("vehicle", name), vehicle
+
+
+def _secrets(model: BaseModel, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Secret]]:
+    for name in type(model).model_fields:
+        value = getattr(model, name)
+        for step, inner in (
+            [((name, index), item) for index, item in enumerate(value)]
+            if isinstance(value, tuple)
+            else [((name,), value)]
+        ):
+            if isinstance(inner, Secret):
+                yield (*path, *step), inner
+            elif isinstance(inner, BaseModel):
+                yield from _secrets(inner, (*path, *step))
+
+
+def examples_left(draft: Draft) -> Iterator[Finding]:
+    """`example_values: false` is true: nothing that was shipped as an example is left."""
+    if draft.pilot is None or draft.pilot.example_values:
+        return
+    but = f"but `example_values` is false ({draft.where(Part('pilot'), 'example_values')})"
+    marked: dict[Mark, list[str]] = {}
+    for example in examples_in(draft.nodes.values()):
+        if example.recognised is None:
+            marked.setdefault(Mark(example.file, example.line, 1), []).append(f"`{example.key}`")
+        else:
+            is_key = example.recognised == SSH_KEY
+            hint = "write the real value, or set `example_values: true`"
+            hint = "write a technician's public key: the line of the .pub file" if is_key else hint
+            mark = Mark(example.file, example.line, example.column)
+            yield Finding.at(mark, f"{example.recognised} is still an example, {but}", hint)
+    for mark, keys in marked.items():
+        words = ", ".join(dict.fromkeys(keys))
+        verb = "is" if len(set(keys)) == 1 else "are"
+        hint = "write what is true, and delete the mark `# EXAMPLE`; or set `example_values: true`"
+        yield Finding.at(mark, f"{words} {verb} marked as an example, {but}", hint)
+
+
+RULES: tuple[Rule, ...] = (in_clear, printable, weak, examples_left)

@@ -1,0 +1,263 @@
+"""Services of a computer: each port once and free, open to whom there is, and started by an account that may little.
+
+What a control centre takes of the pilot's ROS 2 is declared there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.model import (
+    REFLECTOR_PORT,
+    ROS1_BRIDGE,
+    ControlCentre,
+    Gateway,
+    HostedService,
+    RosDistribution,
+    ServerComputer,
+    ServiceNetwork,
+    Transport,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_PILOT = Part("pilot")
+_NTP_PORT = 123
+_PortKey = tuple[Transport, int]
+
+
+def _services(draft: Draft) -> Iterator[tuple[str, ServerComputer, int, HostedService]]:
+    """Host, device, place in its list, and the service."""
+    for host, _, device in draft.boxes(ServerComputer):
+        for index, service in enumerate(device.services):
+            yield host, device, index, service
+
+
+def names_once(draft: Draft) -> Iterator[Finding]:
+    """The name is that of the unit and of the account."""
+    seen: dict[tuple[str, str], int] = {}
+    for host, _, index, service in _services(draft):
+        first = seen.setdefault((host, service.name), index)
+        if first != index:
+            line = draft.mark(Part("device", host), "services", first, "name").line
+            message = f"`{service.name}` is already the name of a service of `{host}`, in line {line}"
+            yield draft.wrong(Part("device", host), ("services", index, "name"), message, "give each its own name")
+
+
+def ports_once(draft: Draft) -> Iterator[Finding]:
+    """A port is that of one service, and of nothing that the toolkit itself runs there."""
+    seen: dict[tuple[str, _PortKey], str] = {}
+    for host, device in draft.devices.items():
+        if isinstance(device, ServerComputer):
+            seen |= {(host, key): why for key, why in _taken(draft, host, device).items()}
+    for host, _, index, service in _services(draft):
+        if service.port is None:
+            continue
+        part, path, key = Part("device", host), ("services", index, "port"), (host, (service.transport, service.port))
+        if key in seen:
+            message = f"{service.transport} port {service.port} of `{host}` is already {seen[key]}"
+            yield draft.wrong(part, path, message, "choose a port that is free")
+        why = f"that of the service `{service.name}`, in line {draft.mark(part, *path).line}"
+        seen.setdefault(key, why)
+
+
+def _taken(draft: Draft, host: str, device: ServerComputer) -> dict[_PortKey, str]:
+    """What is opened on the computer besides its own services."""
+    taken: dict[_PortKey, str] = {
+        (Transport.UDP, _NTP_PORT): "that of the time server for the LAN",
+        (Transport.TCP, device.ssh.port): "that of SSH",
+    }
+    if draft.pilot is None:
+        return taken
+    if device.vpn_address is not None:
+        taken[Transport.UDP, REFLECTOR_PORT] = "that of the answers to other sites' checklists"
+    if draft.pilot.qualify is not None:
+        taken[Transport.UDP, draft.pilot.qualify.port] = "that of the far end of measurements (pilot.qualify)"
+    if draft.pilot.dds is not None:
+        taken |= {(Transport.UDP, port): "one of DDS" for port in draft.pilot.dds.all_ports}
+    for index, service in enumerate(draft.pilot.vpn.services):
+        if service.host == host:
+            where = draft.where(_PILOT, "vpn", "services", index, "port")
+            taken[service.transport, service.port] = f"a service for all partners ({where})"
+    return taken
+
+
+def open_ports(draft: Draft) -> Iterator[Finding]:
+    """Only a port can be open, and only a member of the VPN is reached through it."""
+    for host, device, index, service in _services(draft):
+        path = ("services", index)
+        if service.port is None and (service.open_to or service.partners):
+            message = f"the service `{service.name}` has no port that could be open to anybody"
+            yield draft.wrong(Part("device", host), path, message, "write its `port:`, or leave out who reaches it")
+        elif device.vpn_address is None and (service.partners or ServiceNetwork.VPN in service.open_to):
+            message = f"`{service.name}` is to be reached through the VPN, and `{host}` has no address in it"
+            yield draft.wrong(
+                Part("device", host), path, message, f"write `vpn_address:` of `{host}`, or `open_to: [lan]`"
+            )
+
+
+def partners_known(draft: Draft) -> Iterator[Finding]:
+    """A partner whose key is misspelt would be kept out, and nobody told."""
+    whole = draft.nodes.get(Part("partners"))
+    if whole is None or not isinstance(whole.value, dict):
+        return  # that is told
+    known = draft.names("partner")
+    for host, _, index, service in _services(draft):
+        for place, partner in enumerate(service.partners):
+            path = ("services", index, "partners", place)
+            if partner not in known:
+                hint = meant(partner, known, none="add it to `partners`")
+                yield draft.wrong(Part("device", host), path, f"there is no partner `{partner}`", hint)
+            elif partner in service.partners[:place]:
+                yield draft.wrong(Part("device", host), path, f"`{partner}` stands twice in this list", "remove one")
+
+
+def started_once(draft: Draft) -> Iterator[Finding]:
+    """A service is a program or a container, and a variable has one value."""
+    for host, _, index, service in _services(draft):
+        part, path = Part("device", host), ("services", index, "container")
+        if service.container is None:
+            continue
+        if service.program is not None:
+            message = f"the service `{service.name}` is a program and a container"
+            yield draft.wrong(part, path, message, "leave one of them out")
+        names: set[str] = set()
+        for place, variable in enumerate(service.container.environment):
+            where = (*path, "environment", place)
+            if (variable.value is None) == (variable.secret is None):
+                message = f"`{variable.name}` has neither a value nor a secret"
+                if variable.secret is not None:
+                    message = f"`{variable.name}` has a value and a secret"
+                yield draft.wrong(part, where, message, "write `value:`, or `secret:` and a vaulted one")
+            if variable.name in names:
+                yield draft.wrong(part, where, f"`{variable.name}` stands twice in this list", "remove one")
+            names.add(variable.name)
+
+
+def programs_apart(draft: Draft) -> Iterator[Finding]:
+    """A partner's program does not run as root, and two do not write to one folder."""
+    seen: dict[tuple[str, str], str] = {}
+    for host, _, index, service in _services(draft):
+        if service.started is None:
+            continue
+        form = "program" if service.program is not None else "container"
+        part, path = Part("device", host), ("services", index, form)
+        if service.started.user == "root":
+            message = f"the service `{service.name}` would run as root, and its program is not ours"
+            yield draft.wrong(part, (*path, "user"), message, "leave `user:` out: it gets an account of its own")
+        if service.started.data is not None:
+            first = seen.setdefault((host, service.started.data), service.name)
+            if first != service.name:
+                message = f"{service.started.data} is already the folder of the service `{first}`"
+                yield draft.wrong(part, (*path, "data"), message, "give each its own folder")
+
+
+def containers_possible(draft: Draft) -> Iterator[Finding]:
+    """Containers are run by podman, which Ubuntu 20.04 does not have: the system that Foxy is installed on."""
+    for host, _, device in draft.boxes(ServerComputer):
+        if not _has_foxy(draft, device):
+            continue
+        message = f"`{host}` gets ROS 2 foxy, so that it has Ubuntu 20.04, and no podman is in the archive of that"
+        hint = "run the container on a computer without foxy: Debian 12 has podman"
+        for index, each in enumerate(device.services):
+            if each.container is not None:
+                yield draft.wrong(Part("device", host), ("services", index, "container"), message, hint)
+        if device.ros1_bridge is not None and device.ros1_bridge.archive is not None:
+            hint = "leave out `archive:` and `sha256:`: there the bridge is a package of ROS"
+            yield draft.wrong(Part("device", host), ("ros1_bridge",), message, hint)
+
+
+def _has_foxy(draft: Draft, device: ServerComputer) -> bool:
+    """Whether a computer gets it, and with it the packages of its archive."""
+    if draft.pilot is None or draft.pilot.dds is None or draft.pilot.gateways.ros2 is None:
+        return False
+    return draft.pilot.dds.distribution is RosDistribution.FOXY and device.has_ros2
+
+
+def bridges_possible(draft: Draft) -> Iterator[Finding]:
+    """A bridge is a participant of DDS over the VPN, and its name is no service's."""
+    for host, _, device in draft.boxes(ServerComputer):
+        part, bridge = Part("device", host), device.ros1_bridge
+        if bridge is None:
+            continue
+        if draft.pilot is not None and draft.pilot.dds is None:
+            message = f"`{host}` is to bridge topics to ROS 2, and the pilot declares no DDS"
+            yield draft.wrong(part, ("ros1_bridge",), message, "write `dds: {distribution: …}` in pilot.yml")
+        if device.vpn_address is None:
+            message = f"the bridge of `{host}` talks through the VPN, and `{host}` has no address in it"
+            yield draft.wrong(part, ("ros1_bridge",), message, f"write `vpn_address:` of `{host}`")
+        for index, service in enumerate(device.services):
+            if service.name == ROS1_BRIDGE:
+                message = f"`{ROS1_BRIDGE}` is the name of the bridge to ROS 1 of `{host}`"
+                yield draft.wrong(part, ("services", index, "name"), message, "give the service another name")
+        topics = [each.topic for each in bridge.topics]
+        for index, topic in enumerate(topics):
+            if topic in topics[:index]:
+                path = ("ros1_bridge", "topics", index)
+                yield draft.wrong(part, path, f"`{topic}` stands twice in this list", "remove one")
+
+
+def bridge_is_package_or_image(draft: Draft) -> Iterator[Finding]:
+    """The archive of foxy has the bridge; elsewhere somebody brings an image."""
+    for host, _, device in draft.boxes(ServerComputer):
+        part, bridge = Part("device", host), device.ros1_bridge
+        if bridge is None:
+            continue
+        if (bridge.archive is None) is not (bridge.sha256 is None):
+            message = f"the bridge of `{host}` has one of `archive:` and `sha256:`, which belong together"
+            yield draft.wrong(part, ("ros1_bridge",), message, "write both; beside foxy neither")
+        elif bridge.archive is None and draft.pilot is not None and not _has_foxy(draft, device):
+            message = f"the bridge of `{host}` is no package there, for `{host}` does not get ROS 2 foxy"
+            hint = "write `archive:` and `sha256:` of an image that holds it: docs/control-centre.md says how"
+            yield draft.wrong(part, ("ros1_bridge",), message, hint)
+
+
+def choices_declared(draft: Draft) -> Iterator[Finding]:
+    """What is chosen for a control centre is declared for the pilot, and the library stands on ROS 2."""
+    if draft.pilot is None:
+        return
+    declared = draft.pilot.gateways
+    for host, _, device in draft.boxes(ControlCentre):
+        part = Part("device", host)
+        if device.ros2 and declared.ros2 is None:
+            message = f"`{host}` is to have ROS 2, and the pilot declares none"
+            yield draft.wrong(part, ("ros2",), message, "write `gateways: {ros2: …}` in pilot.yml, or `ros2: false`")
+        if device.interop and declared.interop is None:
+            message = f"`{host}` is to have the library, and the pilot declares none"
+            yield draft.wrong(part, ("interop",), message, "write `gateways: {interop: …}`, or `interop: false`")
+        elif device.interop and not device.ros2:
+            message = f"the library of `{host}` is built against ROS 2, which it does not have"
+            yield draft.wrong(part, ("interop",), message, "write `ros2: true` beside it")
+
+
+def recorder_declared(draft: Draft) -> Iterator[Finding]:
+    """A recording is made by a program of ROS 2, of which each topic is named once."""
+    for host, _, device in draft.boxes(Gateway):
+        if device.recording is None:
+            continue
+        part, topics = Part("device", host), device.recording.topics
+        if draft.pilot is not None and draft.pilot.gateways.ros2 is None:
+            message = f"`{host}` is to record topics of ROS 2, and the pilot declares none"
+            yield draft.wrong(part, ("recording",), message, "write `gateways: {ros2: …}` in pilot.yml")
+        for index, topic in enumerate(topics):
+            if topic in topics[:index]:
+                path = ("recording", "topics", index)
+                yield draft.wrong(part, path, f"`{topic}` stands twice in this list", "remove one")
+
+
+RULES: tuple[Rule, ...] = (
+    names_once,
+    ports_once,
+    open_ports,
+    partners_known,
+    started_once,
+    programs_apart,
+    containers_possible,
+    bridges_possible,
+    bridge_is_package_or_image,
+    choices_declared,
+    recorder_declared,
+)

@@ -1,0 +1,249 @@
+"""Vehicles: names that mean one robot, and rows that are the report's Table 3 or say why not."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from importlib import resources
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import yaml
+from pydantic import TypeAdapter
+
+from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.model import Column, Guest, Model, TelemetryData, Vehicle, VehicleKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+
+class VehicleRow(Model):
+    """A row of the report's Table 3: its X cells."""
+
+    name: str
+    kind: VehicleKind
+    table3: frozenset[Column]
+
+
+@cache
+def table3() -> Mapping[str, VehicleRow]:
+    """The report's table by its names, in its order."""
+    text = resources.files("atlantis_netcfg.inventory").joinpath("data", "table3.yml").read_text(encoding="utf-8")
+    rows = TypeAdapter(list[VehicleRow]).validate_python(yaml.safe_load(text))
+    return MappingProxyType({row.name: row for row in rows})
+
+
+def names(draft: Draft) -> Iterator[Finding]:
+    """No name, alias or key means two vehicles; spaces, hyphens and case do not tell robots apart."""
+    seen: dict[str, tuple[str, str]] = {}
+    for key, vehicle in draft.vehicles.items():
+        part = Part("vehicle", key)
+        local: list[tuple[str, tuple[str | int, ...]]] = [(key, ()), (vehicle.name, ("name",))]
+        local += [(alias, ("aliases", index)) for index, alias in enumerate(vehicle.aliases)]
+        for word, path in local:
+            owner, where = seen.setdefault(_plain(word), (key, draft.where(part, *path)))
+            if owner != key:
+                message = f"`{word}` is already a name of `{owner}` ({where})"
+                yield draft.wrong(part, path, message, "a name means one vehicle: remove it here or there")
+
+
+def _plain(word: str) -> str:
+    return re.sub(r"[\W_]+", "", word.casefold())
+
+
+def aliases(draft: Draft) -> Iterator[Finding]:
+    """An alias stands once, and is another word than the name."""
+    for key, vehicle in draft.vehicles.items():
+        known = [key, vehicle.name]
+        for index, alias in enumerate(vehicle.aliases):
+            if alias.casefold() in (word.casefold() for word in known):
+                message = f"`{alias}` is already a name of this vehicle"
+                yield draft.wrong(Part("vehicle", key), ("aliases", index), message, "remove it")
+            known.append(alias)
+
+
+def partners(draft: Draft) -> Iterator[Finding]:
+    """A vehicle's partner is declared."""
+    whole = draft.nodes.get(Part("partners"))
+    if whole is None or not isinstance(whole.value, dict):
+        return  # that is told
+    known = draft.names("partner")
+    for key, vehicle in draft.vehicles.items():
+        if vehicle.partner is not None and vehicle.partner not in known:
+            hint = meant(vehicle.partner, known, none="add it to `partners`, or write null")
+            yield draft.wrong(Part("vehicle", key), ("partner",), f"there is no partner `{vehicle.partner}`", hint)
+
+
+def columns(draft: Draft) -> Iterator[Finding]:
+    """A column stands once in a row, of a vehicle and of a location."""
+    rows: list[tuple[Part, tuple[str, ...], tuple[Column, ...]]] = [
+        (Part("vehicle", key), ("table3",), vehicle.table3) for key, vehicle in draft.vehicles.items()
+    ]
+    rows += [(Part("site", name), ("location", "table3"), site.location.table3) for name, site in draft.sites.items()]
+    for part, path, row in rows:
+        for index, column in enumerate(row):
+            if column in row[:index]:
+                yield draft.wrong(part, (*path, index), f"`{column}` stands twice in this row", "remove one")
+
+
+def report_rows(draft: Draft) -> Iterator[Finding]:
+    """A row is the report's, or says why it differs; guests and docking stations have rows of their own."""
+    table = table3()
+    for key, vehicle in draft.vehicles.items():
+        row = table.get(vehicle.name)
+        if vehicle.guest or isinstance(vehicle, Guest):
+            continue
+        if row is None and vehicle.kind is VehicleKind.DOCKING_STATION:
+            continue
+        if row is None:
+            yield from _not_of_the_report(draft, key, vehicle, table)
+            continue
+        differs = list(_differences(vehicle, row))
+        if differs and vehicle.table3_deviation is None:
+            message = f"`{key}` is not as in the report's Table 3: {'; '.join(differs)}"
+            hint = "correct it, or say why: `table3_deviation: <reason>`"
+            path = "kind" if vehicle.kind is not row.kind else "table3"
+            yield draft.wrong(Part("vehicle", key), (path,), message, hint)
+        if not differs and vehicle.table3_deviation is not None:
+            message = f"`{key}` says why it differs from the report's Table 3, but it does not differ"
+            yield draft.wrong(Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`")
+
+
+def guests(draft: Draft) -> Iterator[Finding]:
+    """A guest is no robot of the report, has a partner, and is tested at sites of the pilot."""
+    table = table3()
+    for key, vehicle in draft.vehicles.items():
+        part = Part("vehicle", key)
+        if isinstance(vehicle, Guest) and not vehicle.guest:
+            hint = "remove the line, or declare the vehicle in vehicles.yml"
+            yield draft.wrong(part, ("guest",), f"`{key}` stands in guests.yml, and says that it is no guest", hint)
+        if not vehicle.guest:
+            continue
+        if vehicle.name in table:
+            message = f"`{vehicle.name}` is a robot of the report's Table 3, and no guest"
+            yield draft.wrong(part, ("name",), message, "remove `guest: true`, or give the guest another name")
+        if vehicle.table3_deviation is not None:
+            message = f"`{key}` is a guest: there is no row of the report that it could differ from"
+            yield draft.wrong(part, ("table3_deviation",), message, "remove `table3_deviation:`")
+        if vehicle.partner is None:
+            message = f"nobody says whose guest `{key}` is"
+            yield draft.wrong(part, ("partner",), message, "add `partner:` with a key of `partners`")
+        for index, site in enumerate(vehicle.tested_at if isinstance(vehicle, Guest) else ()):
+            if site not in draft.layout.sites:
+                hint = meant(site, draft.layout.sites, none="add it to hosts.yml")
+                yield draft.wrong(part, ("tested_at", index), f"there is no site `{site}`", hint)
+
+
+def _differences(vehicle: Vehicle, row: VehicleRow) -> Iterator[str]:
+    if vehicle.kind is not row.kind:
+        yield f"kind is {row.kind}"
+    if more := _listed(set(vehicle.table3) - row.table3):
+        yield f"{more} not in the report"
+    if fewer := _listed(row.table3 - set(vehicle.table3)):
+        yield f"{fewer} missing"
+
+
+def _listed(some: Iterable[Column]) -> str:
+    desired = set(some)
+    return ", ".join(column for column in Column if column in desired)
+
+
+def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: Mapping[str, VehicleRow]) -> Iterator[Finding]:
+    if vehicle.table3_deviation is None:
+        near = nearest(vehicle.name, table)
+        hint = (
+            f"did you mean `{near}`?" if near else "say why it is here: `table3_deviation: <reason>`, or `guest: true`"
+        )
+        yield draft.wrong(
+            Part("vehicle", key), ("name",), f"the report's Table 3 has no vehicle `{vehicle.name}`", hint
+        )
+
+
+def report_complete(draft: Draft) -> Iterator[Finding]:
+    """Every vehicle of the report is declared; a misspelt one is told at its name."""
+    whole = Part("vehicles")
+    if whole not in draft.nodes:
+        return
+    declared = [str(draft.nodes[Part("vehicle", key)].at("name").value) for key in draft.names("vehicle")]
+    for name in table3():
+        if name not in declared and nearest(name, declared) is None:
+            message = f"`{name}` of the report's Table 3 is not declared"
+            yield draft.wrong(whole, (), message, "every robot of the report stays in the checklist: add it")
+
+
+def topics_once(draft: Draft) -> Iterator[Finding]:
+    """A topic of a vehicle stands once: it would be counted twice."""
+    for key, vehicle in draft.vehicles.items():
+        seen: set[str] = set()
+        for index, item in enumerate(vehicle.telemetry):
+            if item.topic in seen:
+                message = f"the topic `{item.topic}` of `{key}` stands twice"
+                yield draft.wrong(Part("vehicle", key), ("telemetry", index, "topic"), message, "remove one")
+            seen.add(item.topic)
+
+
+def topics_go_by_dds(draft: Draft) -> Iterator[Finding]:
+    """Telemetry is counted as DDS sends it, by the pilot's implementation and profiles."""
+    if draft.pilot is None or draft.pilot.dds is not None:
+        return
+    for key, vehicle in draft.vehicles.items():
+        if vehicle.telemetry:
+            message = f"`{key}` publishes telemetry, and the pilot declares no DDS to carry it"
+            hint = "write `dds: {distribution: foxy}` below `pilot:`, or remove `telemetry:`"
+            yield draft.wrong(Part("vehicle", key), ("telemetry",), message, hint)
+
+
+def useful_rates(draft: Draft) -> Iterator[Finding]:
+    """A topic is not declared to be of no use at the rate at which it is published."""
+    for key, vehicle in draft.vehicles.items():
+        for index, item in enumerate(vehicle.telemetry):
+            if item.least_hz is not None and item.least_hz > item.rate_hz:
+                message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, below its `least_hz`"
+                path = ("telemetry", index, "least_hz")
+                yield draft.wrong(Part("vehicle", key), path, message, "write a lower `least_hz`, or leave it out")
+
+
+RULES: tuple[Rule, ...] = (
+    names,
+    aliases,
+    partners,
+    columns,
+    report_rows,
+    guests,
+    report_complete,
+    topics_once,
+    topics_go_by_dds,
+    useful_rates,
+)
+
+_GUIDELINES = {
+    TelemetryData.NUMBERS: (1.0, 4.0, "numbers and poses: 1 to 4 Hz"),
+    TelemetryData.IMAGES: (4.0, 5.0, "images: 4 to 5 Hz, of low resolution"),
+    TelemetryData.POINT_CLOUDS: (0.0, 1.0, "point clouds: below 1 Hz"),
+}
+"""The lowest and the highest rate, and the guideline of the report's section 3.3.3."""
+
+
+def beside_guideline(data: TelemetryData, rate_hz: float) -> tuple[str, str] | None:
+    """Whether a rate is `above` or `below` the report's guideline, and the guideline; None: it keeps to it."""
+    lowest, highest, guideline = _GUIDELINES[data]
+    if rate_hz > highest or (data is TelemetryData.POINT_CLOUDS and rate_hz == highest):
+        return "above", guideline
+    return ("below", guideline) if rate_hz < lowest else None
+
+
+def rates_within_the_guidelines(draft: Draft) -> Iterator[Finding]:
+    """A topic is published no more often than the report's guideline says."""
+    for key, vehicle in draft.vehicles.items():
+        for index, item in enumerate(vehicle.telemetry):
+            way, guideline = beside_guideline(item.data, item.rate_hz) or ("", "")
+            if way == "above":
+                message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, above the report's guideline"
+                path = ("telemetry", index, "rate_hz")
+                yield draft.wrong(Part("vehicle", key), path, message, f"{guideline} (report, 3.3.3)")
+
+
+WARNINGS: tuple[Rule, ...] = (rates_within_the_guidelines,)

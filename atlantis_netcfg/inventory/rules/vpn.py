@@ -1,0 +1,248 @@
+"""The VPN: its server, the way in to it, and its clients.
+
+Partners in the VPN: names that are nobody else's there, services that exist, robots that they may see.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory._schema import DEVICES
+from atlantis_netcfg.inventory._yaml import SealedSecret
+from atlantis_netcfg.inventory.findings import Finding, choices, meant
+from atlantis_netcfg.inventory.model import Device, LanBox, Router, Transport, VpnServer
+from atlantis_netcfg.inventory.rules.networks import claims, example_in, why_unusable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from ipaddress import IPv4Address
+
+
+_LAN_KINDS = frozenset(kind for kind, model in DEVICES.items() if issubclass(model, LanBox))
+_PASSWORD_BYTES = 1000
+
+
+def server(draft: Draft) -> Iterator[Finding]:
+    """The server is a host that can run it."""
+    if draft.pilot is None:
+        return
+    host = draft.pilot.vpn.server
+    servers = [name for name in draft.layout.hosts if draft.kind_of(name) == "vpn_server"]
+    kind = draft.kind_of(host)
+    if host not in draft.layout.hosts:
+        message, hint = f"there is no host `{host}`", meant(host, servers, none="add a host of group vpn_servers")
+        yield draft.wrong(Part("pilot"), ("vpn", "server"), message, hint)
+    elif kind not in {None, "vpn_server"}:
+        hint = f"name a vpn_server: {choices(servers) or 'there is none'}"
+        yield draft.wrong(Part("pilot"), ("vpn", "server"), f"`{host}` is a {kind}", hint)
+
+
+def one_server(draft: Draft) -> Iterator[Finding]:
+    """One computer is the server: a second one would hold the same keys, and nobody would be told of it."""
+    if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
+        return
+    for host, _, _ in draft.boxes(VpnServer):
+        if host != draft.pilot.vpn.server:
+            message = f"`{host}` is a VPN server, and the pilot's is `{draft.pilot.vpn.server}`"
+            hint = "take it out of vpn_servers, or name it in `pilot.vpn.server`"
+            yield draft.wrong(Part("device", host), ("kind",), message, hint)
+
+
+def way_in(draft: Draft) -> Iterator[Finding]:
+    """The router of the server's site forwards the VPN's port to it."""
+    if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
+        return
+    vpn = draft.pilot.vpn
+    found = draft.router_of(draft.layout.hosts[vpn.server])
+    if found is None:
+        return
+    host, router = found
+    desired = f"{{transport: {vpn.transport}, port: {vpn.port}, to: {vpn.server}}}"
+    same = [entry for entry in router.forwards if (entry.transport, entry.port) == (vpn.transport, vpn.port)]
+    if any(forward.to == vpn.server for forward in same):
+        return
+    unknown = [index for index, item in enumerate(router.forwards) if item.to not in draft.layout.hosts]
+    if not unknown:
+        message = f"no forward of `{host}` leads {vpn.transport} port {vpn.port} to the VPN server `{vpn.server}`"
+        yield draft.wrong(Part("device", host), ("forwards",), message, f"write {desired}")
+
+
+def shared_key_end(draft: Draft) -> Iterator[Finding]:
+    """The server's kernel keeps the end of the shared key; it can tell its packets apart over UDP alone."""
+    if draft.pilot is None or draft.pilot.vpn.shared_key_until is None or draft.pilot.vpn.transport is Transport.UDP:
+        return
+    message = "`shared_key_until` works over UDP only, and `transport` is tcp"
+    yield draft.wrong(Part("pilot"), ("vpn", "shared_key_until"), message, "leave it out, or write `transport: udp`")
+
+
+def forwards(draft: Draft) -> Iterator[Finding]:
+    """A forward leads to a host of the router's own LAN, and a port leads to one host."""
+    for host, site, router in draft.boxes(Router):
+        part, seen = Part("device", host), dict[tuple[str, int], int]()
+        here = [name for name, at in draft.layout.hosts.items() if at == site and draft.kind_of(name) in _LAN_KINDS]
+        for index, forward in enumerate(router.forwards):
+            if forward.to not in draft.layout.hosts:
+                message, hint = f"there is no host `{forward.to}`", meant(forward.to, here, none="add it to hosts.yml")
+                yield draft.wrong(part, ("forwards", index, "to"), message, hint)
+            elif forward.to not in here and draft.kind_of(forward.to) is not None:
+                message = f"`{forward.to}` is not in the LAN of `{site}`"
+                hint = f"hosts of that LAN: {choices(here) or 'none'}"
+                yield draft.wrong(part, ("forwards", index, "to"), message, hint)
+            first = seen.setdefault((forward.transport, forward.port), index)
+            if first != index:
+                line = draft.mark(part, "forwards", first, "port").line
+                message = f"{forward.transport} port {forward.port} is forwarded twice, first in line {line}"
+                yield draft.wrong(part, ("forwards", index, "port"), message, "a port leads to one host")
+
+
+def endpoint_outside(draft: Draft) -> Iterator[Finding]:
+    """The public address of the server is not reached through its own tunnel, and is no private one of a site."""
+    if draft.pilot is None:
+        return
+    endpoint = draft.pilot.vpn.endpoint
+    for claim in claims(draft):
+        inner = claim.path[0] in {"vpn", "lan", "management", "served_links"}
+        if inner and endpoint in claim.network:
+            where = draft.where(claim.part, *claim.path)
+            message = f"the VPN's endpoint {endpoint} is inside {claim.what}, {claim.network} ({where})"
+            hint = "name the public address at which the sites reach the server"
+            yield draft.wrong(Part("pilot"), ("vpn", "endpoint"), message, hint)
+
+
+def tunnel_addresses(draft: Draft) -> Iterator[Finding]:
+    """Routers, gateways and servers have tunnel addresses of the infrastructure's pool."""
+    if draft.pilot is None:
+        return
+    pool = draft.pilot.vpn.infrastructure
+    for host, device in draft.devices.items():
+        path: tuple[str, ...] = ("vpn_address",)
+        address = device.vpn_address if isinstance(device, LanBox) else None
+        if isinstance(device, Router) and device.vpn_client is not None:
+            path, address = ("vpn_client", "address"), device.vpn_client.address
+        if address is not None and (why := why_unusable(address, pool)):
+            message = f"the tunnel address {address} of `{host}` {why}, the infrastructure's pool"
+            yield draft.wrong(Part("device", host), path, message, example_in(pool))
+
+
+def users(draft: Draft) -> Iterator[Finding]:
+    """Every router has a VPN user and a certificate of its own, so that one can be revoked."""
+    seen: dict[str, str] = {}
+    for host, _, router in draft.boxes(Router):
+        if router.vpn_client is None:
+            continue
+        first = seen.setdefault(router.vpn_client.user, host)
+        if first != host:
+            where = draft.where(Part("device", first), "vpn_client", "user")
+            message = f"`{router.vpn_client.user}` is already the VPN user of `{first}` ({where})"
+            yield draft.wrong(Part("device", host), ("vpn_client", "user"), message, f"write `user: {host}`")
+
+
+def password_length(draft: Draft) -> Iterator[Finding]:
+    """RouterOS takes at most 1000 bytes, since 7.18 (MikroTik manual, OpenVPN)."""
+    for host, _, router in draft.boxes(Router):
+        client = router.vpn_client
+        if client is None or isinstance(client.password, SealedSecret):
+            continue
+        if len(client.password.reveal().encode()) > _PASSWORD_BYTES:
+            message = f"the VPN password has more than {_PASSWORD_BYTES} bytes"
+            yield draft.wrong(Part("device", host), ("vpn_client", "password"), message, "choose a shorter one")
+
+
+RULES: tuple[Rule, ...] = (
+    server,
+    one_server,
+    way_in,
+    shared_key_end,
+    forwards,
+    endpoint_outside,
+    tunnel_addresses,
+    users,
+    password_length,
+)
+
+_TAKEN = {
+    "default": "OpenVPN's word for a client that has no file of its own",
+    "members": "what the server's firewall calls everybody",
+    "server": "the server itself",
+}
+_PILOT = Part("pilot")
+
+
+def names(draft: Draft) -> Iterator[Finding]:
+    """A partner's key begins the names of its devices, and is the name of its set in the firewall."""
+    for name in draft.partners:
+        if name in _TAKEN:
+            message = f"a partner cannot be called `{name}`: in the VPN that is {_TAKEN[name]}"
+            part = Part("partner", name)
+            yield draft.wrong(part, (), message, "choose another key; `full_name` is free")
+
+
+def sees(draft: Draft) -> Iterator[Finding]:
+    """What a partner sees is a vehicle of the pilot, once each."""
+    known = draft.names("vehicle")
+    for name, partner in draft.partners.items():
+        part = Part("partner", name)
+        for index, vehicle in enumerate(partner.sees):
+            if vehicle not in known:
+                hint = meant(vehicle, known, none="add it to `vehicles`")
+                yield draft.wrong(part, ("sees", index), f"there is no vehicle `{vehicle}`", hint)
+            elif vehicle in partner.sees[:index]:
+                yield draft.wrong(part, ("sees", index), f"`{vehicle}` stands twice in this list", "remove one")
+
+
+def server_inside(draft: Draft) -> Iterator[Finding]:
+    """The server has an address in its own VPN."""
+    if draft.pilot is None:
+        return
+    host = draft.pilot.vpn.server
+    device = draft.devices.get(host)
+    if isinstance(device, VpnServer) and device.vpn_address is None:
+        message = f"`{host}` runs the VPN and has no address in it"
+        hint = f"write `vpn_address:`, one of {draft.pilot.vpn.infrastructure}"
+        yield draft.wrong(Part("device", host), (), message, hint)
+
+
+def services(draft: Draft) -> Iterator[Finding]:
+    """A service stands on a host that has an address in the VPN."""
+    if draft.pilot is None:
+        return
+    inside = [name for name, device in draft.devices.items() if _tunnel_address(device) is not None]
+    for index, service in enumerate(draft.pilot.vpn.services):
+        path = ("vpn", "services", index, "host")
+        device = draft.devices.get(service.host)
+        if service.host not in draft.layout.hosts:
+            hint = meant(service.host, inside, none="add it to hosts.yml")
+            yield draft.wrong(_PILOT, path, f"there is no host `{service.host}`", hint)
+        elif device is not None and _tunnel_address(device) is None and service.host != draft.pilot.vpn.server:
+            message = f"partners reach services through the VPN, and `{service.host}` has no address in it"
+            yield draft.wrong(_PILOT, path, message, f"hosts that have one: {choices(inside) or 'none'}")
+
+
+def services_once(draft: Draft) -> Iterator[Finding]:
+    """A port of a host is one service, and a name too."""
+    if draft.pilot is None:
+        return
+    ports, called = dict[tuple[str, str, int], int](), dict[str, int]()
+    for index, service in enumerate(draft.pilot.vpn.services):
+        path = ("vpn", "services", index)
+        first = ports.setdefault((service.host, service.transport, service.port), index)
+        if first != index:
+            line = draft.mark(_PILOT, "vpn", "services", first, "port").line
+            message = (
+                f"{service.transport} port {service.port} of `{service.host}` is already a service, in line {line}"
+            )
+            yield draft.wrong(_PILOT, (*path, "port"), message, "remove one")
+        elif (first := called.setdefault(service.name.casefold(), index)) != index:
+            line = draft.mark(_PILOT, "vpn", "services", first, "name").line
+            message = f"`{service.name}` is already the name of a service, in line {line}"
+            yield draft.wrong(_PILOT, (*path, "name"), message, "give each its own name")
+
+
+def _tunnel_address(device: Device) -> IPv4Address | None:
+    if isinstance(device, Router):
+        return device.vpn_client.address if device.vpn_client is not None else None
+    return device.vpn_address if isinstance(device, LanBox) else None
+
+
+PARTNERS_RULES: tuple[Rule, ...] = (names, sees, server_inside, services, services_once)

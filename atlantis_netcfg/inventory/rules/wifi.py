@@ -1,0 +1,149 @@
+"""The gateway's radios: which access points of vehicles they join, and the network that one of them opens."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory.model import Gateway, SeenFrom, WifiEndpoint, WifiRole
+from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
+from atlantis_netcfg.inventory.rules.radio import is_passphrase
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.inventory.findings import Finding
+
+_WIFI = ("endpoints", "wifi")
+_WIDTH_MHZ = 20
+
+
+def _joined(draft: Draft) -> Iterator[tuple[str, WifiEndpoint, Secret]]:
+    """Vehicles with a key: a radio of the gateway joins their access points."""
+    for name, vehicle in draft.vehicles.items():
+        wifi = vehicle.endpoints.wifi
+        if wifi is not None and wifi.key is not None:
+            yield name, wifi, wifi.key
+
+
+def joined_at_all(draft: Draft) -> Iterator[Finding]:
+    """A gateway joins the access point of a vehicle, by its name; nothing else is configured with a key."""
+    for name, wifi, key in _joined(draft):
+        part = Part("vehicle", name)
+        if wifi.role is not WifiRole.ACCESS_POINT:
+            message = f"`{name}` is a station: the key of the site's network is declared at its access point"
+            yield draft.wrong(part, (*_WIFI, "key"), message, "remove `key`, or write `role: access_point`")
+        elif wifi.seen_from is not SeenFrom.GATEWAY:
+            message = f"the access point of `{name}` is joined by the laptop, which nobody configures"
+            yield draft.wrong(part, (*_WIFI, "key"), message, "remove `key`, or write `seen_from: gateway`")
+        elif wifi.ssid is None:
+            message = f"the access point of `{name}` has a key and no name: a radio joins a network by its name"
+            yield draft.wrong(part, (*_WIFI, "key"), message, "write its `ssid` beside it")
+        elif not is_passphrase(key):
+            message = "the access point's key must have 8 to 63 printable ASCII characters"
+            yield draft.wrong(part, (*_WIFI, "key"), message, "write the key that the vehicle has")
+
+
+def not_of_a_location(draft: Draft) -> Iterator[Finding]:
+    """What a site's own row says of its Wi-Fi is how it is looked at, and configures nothing."""
+    for name, site in draft.sites.items():
+        wifi = site.location.endpoints.wifi
+        for key in ("key", "client"):
+            if wifi is not None and getattr(wifi, key) is not None:
+                message = f"`{key}` is for the access point of a vehicle, and this is the location"
+                path = ("location", "endpoints", "wifi", key)
+                yield draft.wrong(Part("site", name), path, message, f"remove `{key}`")
+
+
+def told_apart(draft: Draft) -> Iterator[Finding]:
+    """One radio tells the access points that it may join apart by their names."""
+    first: dict[tuple[str, str], str] = {}
+    for name, wifi, _ in _joined(draft):
+        if wifi.ssid is None or wifi.role is not WifiRole.ACCESS_POINT:
+            continue
+        other = first.setdefault((wifi.interface, wifi.ssid), name)
+        if other != name:
+            where = draft.where(Part("vehicle", other), *_WIFI, "ssid")
+            message = f"`{wifi.ssid}` is already the access point of `{other}` ({where}), for the same radio"
+            hint = "give each access point a name of its own, on the vehicle as well; or another `interface`"
+            yield draft.wrong(Part("vehicle", name), (*_WIFI, "ssid"), message, hint)
+
+
+def addresses(draft: Draft) -> Iterator[Finding]:
+    """The gateway's address in the network of a vehicle is one that it can have there, and not the vehicle's."""
+    for name, vehicle in draft.vehicles.items():
+        wifi, part = vehicle.endpoints.wifi, Part("vehicle", name)
+        if wifi is None or wifi.client is None:
+            continue
+        client, path = wifi.client, (*_WIFI, "client")
+        if wifi.key is None:
+            message = "`client` is the address of the gateway's radio, which is configured only with a `key`"
+            yield draft.wrong(part, path, message, "write the `key` of the access point beside it, or remove `client`")
+        if why := why_unusable(client.address, client.network):
+            yield draft.wrong(part, (*path, "address"), f"{client.address} {why}", example_in(client.network))
+        if wifi.address is None:
+            continue
+        if wifi.address == client.address:
+            message = f"{client.address} is the address of `{name}` itself"
+            yield draft.wrong(part, (*path, "address"), message, f"choose another one of {client.network}")
+        elif why := why_unusable(wifi.address, client.network):
+            message = f"{wifi.address} of `{name}` {why}, the network of its access point"
+            yield draft.wrong(part, (*_WIFI, "address"), message, "correct this address, or `client.network`")
+
+
+def radios(draft: Draft) -> Iterator[Finding]:
+    """The radio that joins vehicles is not the interface of the gateway's LAN."""
+    for host, site, gateway in draft.boxes(Gateway):
+        tested = draft.sites[site].checklist.vehicles if site in draft.sites else None
+        for name, wifi, _ in _joined(draft):
+            if wifi.interface in _lan(gateway) and (tested is None or name in tested):
+                message = f"`{wifi.interface}` is the interface of the LAN at `{host}`, and no radio"
+                hint = "write the name of a radio: `iw dev` on the gateway lists them, like wlan0"
+                yield draft.wrong(Part("vehicle", name), (*_WIFI, "interface"), message, hint)
+
+
+def _lan(gateway: Gateway) -> set[str | None]:
+    blocks = (gateway.network, gateway.image)
+    return {block.interface for block in blocks if block is not None and block.interface is not None}
+
+
+def opened(draft: Draft) -> Iterator[Finding]:
+    """What hostapd 2.9, of Ubuntu 20.04, can do with one radio, at an address that the gateway can have."""
+    for host, _, gateway in draft.boxes(Gateway):
+        radio, part = gateway.access_point, Part("device", host)
+        if radio is None:
+            continue
+        if radio.standard == "802.11ax":
+            message = "hostapd 2.9, which Ubuntu 20.04 has, does not know 802.11ax"
+            yield draft.wrong(part, ("access_point", "standard"), message, "choose 802.11ac or an older standard")
+        if radio.width_mhz != _WIDTH_MHZ:
+            message = f"this toolkit sets up a gateway's access point with {_WIDTH_MHZ} MHz alone"
+            yield draft.wrong(part, ("access_point", "width_mhz"), message, "leave `width_mhz` out")
+        for name in ("tx_power_dbm", "antenna_gain_dbi"):
+            if getattr(radio, name) is not None:
+                message = f"hostapd sets no power: `{name}` would do nothing on a gateway"
+                hint = f"leave `{name}` out: the radio keeps to the country's limit"
+                yield draft.wrong(part, ("access_point", name), message, hint)
+        if why := why_unusable(radio.address, radio.network):
+            path = ("access_point", "address")
+            yield draft.wrong(part, path, f"{radio.address} {why}", example_in(radio.network))
+
+
+def one_use(draft: Draft) -> Iterator[Finding]:
+    """A radio opens a network, or joins others; it is not the interface of the LAN either."""
+    for host, site, gateway in draft.boxes(Gateway):
+        if gateway.access_point is None:
+            continue
+        name, path = gateway.access_point.interface, ("access_point", "interface")
+        tested = draft.sites[site].checklist.vehicles if site in draft.sites else None
+        joins = [key for key, wifi, _ in _joined(draft) if wifi.interface == name and (tested is None or key in tested)]
+        if name in _lan(gateway):
+            message = f"`{name}` is the interface of the LAN, and no radio"
+            yield draft.wrong(Part("device", host), path, message, "write the name of a radio, like wlan3")
+        elif joins:
+            message = f"`{name}` joins the access point of `{joins[0]}`: one radio does not open a network as well"
+            yield draft.wrong(Part("device", host), path, message, "name another radio, here or at the vehicle")
+
+
+RULES: tuple[Rule, ...] = (joined_at_all, not_of_a_location, told_apart, addresses, radios, opened, one_use)

@@ -1,0 +1,68 @@
+"""What may pass over a satellite link: derived from the declaration, plus what a person adds.
+
+Derived are the VPN's public endpoint and the pilot's time servers (UDP 123), because a site that is left with its
+satellite needs both: TLS refuses certificates while the clock is wrong. So is the far end of measurements. The
+declaration names no DNS servers (the router asks none, see templates/routeros/parts/dns.rsc.j2), so none is derived.
+`allow` of the bearer holds additions. Canaries of a satellite pass as well: the router's own pings to them, and nothing
+of the LAN.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Pilot, Transport
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from ipaddress import IPv4Address
+
+
+NTP_PORT = 123
+"""RFC 5905; UDP."""
+VPN_TARGET = "VPN server"
+"""What the derived entry of the VPN is called."""
+FAR_END_TARGET = "far end of measurements"
+"""What the derived entry of `pilot.qualify` is called."""
+
+
+def derived(pilot: Pilot) -> tuple[AllowedTarget, ...]:
+    """What every satellite link of the pilot admits, whatever its `allow` says."""
+    vpn = pilot.vpn
+    tunnel = AllowedTarget(
+        name=VPN_TARGET,
+        address=vpn.endpoint,
+        dns_name=vpn.endpoint_name,
+        port=vpn.port,
+        transport=vpn.transport,
+    )
+    times = (
+        AllowedTarget(name=server.name, address=server.address, port=NTP_PORT, transport=Transport.UDP)
+        for server in pilot.time_servers
+    )
+    measured = far_end(pilot)
+    return (tunnel, *times) if measured is None else (tunnel, *times, measured)
+
+
+def far_end(pilot: Pilot) -> AllowedTarget | None:
+    """Where measurements are answered, at the control centre's public address; None: nobody has declared it."""
+    if (qualify := pilot.qualify) is None:
+        return None
+    address = qualify.address or pilot.vpn.endpoint
+    return AllowedTarget(name=FAR_END_TARGET, address=address, port=qualify.port, transport=Transport.UDP)
+
+
+def allowed(pilot: Pilot, bearer: Bearer) -> tuple[AllowedTarget, ...]:
+    """Everything that a satellite link admits, what is derived first; nothing for other links."""
+    if not bearer.kind.traits.allow_list:
+        return ()
+    canaries = (AllowedTarget(name=f"canary {address}", address=address) for address in bearer.canaries)
+    return (*derived(pilot), *bearer.allow, *canaries)
+
+
+def admits(targets: Iterable[AllowedTarget], address: IPv4Address, port: int | None, transport: Transport) -> bool:
+    """Whether one of the targets lets it pass; `port` None stands for the address as a whole, with ICMP."""
+    return any(
+        target.address == address and (target.port is None or (target.port == port and target.transport is transport))
+        for target in targets
+    )

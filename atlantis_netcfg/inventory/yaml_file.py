@@ -1,0 +1,66 @@
+"""Another file of ours in YAML, read as strictly as the inventory: every error with its line, near misses offered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from pydantic import BaseModel
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.inventory._yaml import Node, parse
+from atlantis_netcfg.inventory.findings import Finding, Mark, choices, meant
+from atlantis_netcfg.inventory.loader import build
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+__all__ = ["Block", "choices", "meant", "read"]
+
+_M = TypeVar("_M", bound=BaseModel)
+_BYTES = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Block(Generic[_M]):
+    """A file as far as it could be read."""
+
+    value: _M | None
+    """None: see the findings."""
+    findings: tuple[Finding, ...]
+    root: Node
+
+    def wrong(self, path: tuple[str | int, ...], message: str, hint: str) -> Finding:
+        """An error at a value; of a block, at its key."""
+        node = self.root.at(*path)
+        return Finding.at(node.place if isinstance(node.value, dict | list) else node.mark, message, hint)
+
+    def wrong_key(self, path: tuple[str | int, ...], message: str, hint: str) -> Finding:
+        """An error at a key."""
+        return Finding.at(self.root.at(*path).place, message, hint)
+
+
+def read(path: Path, model: type[_M], name: str) -> Block[_M]:
+    """Read a file that is called `name` in errors. Raises UsageError where there is none that can be read."""
+    root, findings = parse(_bytes(path, name), str(path), None)
+    start = Mark(str(path), 1, 1)
+    if root is None:
+        empty = Finding.at(start, "the file is empty", f"its keys are: {', '.join(model.model_fields)}")
+        return Block(None, tuple(findings or [empty]), Node(start, {}))
+    if not isinstance(root.value, dict):
+        wrong = Finding.at(root.mark, "the file wants a block of keys", f"they are: {', '.join(model.model_fields)}")
+        return Block(None, (*findings, wrong), root)
+    value, root, more = build(root, model, name)
+    return Block(value, (*findings, *more), root)
+
+
+def _bytes(path: Path, name: str) -> bytes:
+    try:
+        with path.open("rb") as file:
+            data = file.read(_BYTES + 1)
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise UsageError(f"{name} cannot be read: {path}: {why}", hint="give the path of the file") from error
+    if len(data) > _BYTES:
+        raise UsageError(f"{path} is larger than 1 MB, so it is no file of ours", hint="give the path of the file")
+    return data
