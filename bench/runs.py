@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.journal import Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.runs import Outcome, RunEnded, RunStarted, Store
 from bench import measure
 from bench.declared import CHECKOUT, ROUTER, SITE
 from bench.figures import Runs

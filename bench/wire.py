@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterLink
-from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import LinkOrder, Target
 from atlantis_netcfg.routeros import converge
 from atlantis_netcfg.routeros.link_use import SETTLED_S
+from atlantis_netcfg.runs import RunStarted, Store
 from bench.declared import ROUTER, SITE, Declared
 from bench.edits import FILTER, damage
 from bench.job import Scenario

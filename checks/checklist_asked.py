@@ -16,7 +16,7 @@ from atlantis_netcfg.cli.checklist import CHECK
 from atlantis_netcfg.core.events import Verdict, ignore
 from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.inventory import ALL
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

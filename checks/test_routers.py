@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.report.drift import drift_lines
+from atlantis_netcfg.runs.report.drift import drift_lines
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Host

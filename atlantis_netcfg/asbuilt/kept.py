@@ -13,14 +13,14 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.asbuilt.record import AsBuiltRecord
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.journal import StateDamaged, make_private, new_run, os_errors_as, run_order, write_atomically
+from atlantis_netcfg.runs import StateDamaged, make_private, new_run, os_errors_as, run_order, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
     from pathlib import Path
 
-    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.runs import Store
 
 FILE = "as-built.json"
 _DERIVED = ("exit", "errors", "tables")

@@ -28,12 +28,12 @@ from atlantis_netcfg.inventory.model import (
     Switch,
     SwitchPortUse,
 )
-from atlantis_netcfg.journal import Purpose, Run, Store
 from atlantis_netcfg.operations.bearers import PATIENCE_S
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.links.look import LinkQueries, bills, session_to
 from atlantis_netcfg.operations.lte.units import LteUnit
+from atlantis_netcfg.runs import Purpose, Run, Store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

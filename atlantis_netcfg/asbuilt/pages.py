@@ -22,7 +22,7 @@ from atlantis_netcfg.asbuilt.record import (
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, plain, wrapped
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.report.page import page, page_environment
+from atlantis_netcfg.runs.report.page import page, page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -35,7 +35,7 @@ from atlantis_netcfg.asbuilt.record import report_tables, title_of
 from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Paper, printable
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.report.page import unread
+from atlantis_netcfg.runs.report.page import unread
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

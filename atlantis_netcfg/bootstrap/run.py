@@ -31,7 +31,7 @@ from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable, HostK
 from atlantis_netcfg.core.errors import TRUST, DeviceFailed, NetcfgError, OutcomeUnknown
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.journal import ContactStep, ContactStepDone, DeviceObserved, Pinned, Pins, Recorder
+from atlantis_netcfg.runs import ContactStep, ContactStepDone, DeviceObserved, Pinned, Pins, Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -21,7 +21,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from atlantis_netcfg.bundle.requirements import BundleRefused
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.paths import private_directory
-from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.runs import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

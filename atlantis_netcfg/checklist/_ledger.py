@@ -28,7 +28,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from atlantis_netcfg.checklist._signing import SigningRefused, content, parsed
 from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.core.eventlog import EventLog, split
-from atlantis_netcfg.journal import make_private, os_errors_as, unwritable, utc_now, write_atomically
+from atlantis_netcfg.runs import make_private, os_errors_as, unwritable, utc_now, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._signing import MANIFEST
 from atlantis_netcfg.checklist.report import Document, Drawing
-from atlantis_netcfg.journal import make_private, new_run, os_errors_as, run_order, sync_directory
+from atlantis_netcfg.runs import make_private, new_run, os_errors_as, run_order, sync_directory
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -24,7 +24,7 @@ from cryptography.hazmat.primitives.serialization import (
 from atlantis_netcfg.checklist.report import Document, Signature
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.printable import lines
-from atlantis_netcfg.journal import make_private, os_errors_as, write_atomically
+from atlantis_netcfg.runs import make_private, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

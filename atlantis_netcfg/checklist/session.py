@@ -30,7 +30,7 @@ from atlantis_netcfg.checklist.history import last_green, since
 from atlantis_netcfg.checklist.report import Document, Item, LeftOut
 from atlantis_netcfg.checklist.verifying import close_book
 from atlantis_netcfg.core.errors import nearest
-from atlantis_netcfg.journal import SiteLock, utc_now
+from atlantis_netcfg.runs import SiteLock, utc_now
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -33,7 +33,7 @@ from atlantis_netcfg.checklist._signing import (
 )
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.core.atomic_files import DRAFT
-from atlantis_netcfg.journal import os_errors_as, write_atomically
+from atlantis_netcfg.runs import os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping

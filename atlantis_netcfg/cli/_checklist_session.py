@@ -36,10 +36,10 @@ from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, Not
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import show
-from atlantis_netcfg.journal import Store, os_errors_as, write_atomically
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.runs import Store, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence

@@ -11,7 +11,7 @@ from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.kinds import is_unit
-from atlantis_netcfg.report.run import Pass, RunReport
+from atlantis_netcfg.runs.report.run import Pass, RunReport
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession

@@ -34,14 +34,14 @@ from atlantis_netcfg.core import paths, printable, stop_signals
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, worst
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.inventory import Declaration, Host, choose, load
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.kinds import handled, is_unit
 from atlantis_netcfg.operations.terminals import is_terminal
-from atlantis_netcfg.report.run import RunReport, consent_question
+from atlantis_netcfg.runs import Store
+from atlantis_netcfg.runs.report.run import RunReport, consent_question
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -95,7 +95,7 @@ def _made(opened: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
     from atlantis_netcfg.asbuilt.pages import html
     from atlantis_netcfg.asbuilt.paper import labels_pdf, pdf
     from atlantis_netcfg.asbuilt.record import compared
-    from atlantis_netcfg.journal import utc_now
+    from atlantis_netcfg.runs import utc_now
 
     kept = folder_of(opened.store, opened.site)
     before = latest(kept)
@@ -120,9 +120,9 @@ def _read(opened: CommandSession) -> AsBuiltRecord:
     from atlantis_netcfg.asbuilt.look import SiteLook, look_at
     from atlantis_netcfg.asbuilt.record import AsBuiltRecord
     from atlantis_netcfg.cli._output import progress
-    from atlantis_netcfg.journal import utc_now
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.runs import utc_now
 
     declaration = opened.declaration
     refuse_examples(declaration, rehearsed=opened.rehearsed)

@@ -100,8 +100,8 @@ def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
 
         result = inventory_warnings(declaration)
     if any(vehicle.telemetry for vehicle in declaration.vehicles.values()):
-        from atlantis_netcfg.journal import utc_now
         from atlantis_netcfg.operations.fit import fits_nowhere
+        from atlantis_netcfg.runs import utc_now
 
         result = tuple(sorted((*result, *fits_nowhere(declaration, utc_now()))))
     return result

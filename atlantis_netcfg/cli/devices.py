@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.journal import Run, SavedState
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.upgrade import PreparedUpgrade, Upgraded
     from atlantis_netcfg.operations.verifying import VerifiedDevice, Verifying
-    from atlantis_netcfg.report.drift import DriftReport
+    from atlantis_netcfg.runs import Run, SavedState
+    from atlantis_netcfg.runs.report.drift import DriftReport
 
 
 DRIFT = CommandSpec(
@@ -66,7 +66,7 @@ def run_drift(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.inventory import ALL
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.report.drift import junit
+    from atlantis_netcfg.runs.report.drift import junit
 
     file = _file(arguments.value("junit"))
     with session(
@@ -84,7 +84,7 @@ def run_drift(arguments: Arguments) -> ExitCode:
 
 
 def _report(opened: CommandSession, devices: Mapping[str, Mapping[str, Any]]) -> DriftReport:
-    from atlantis_netcfg.report.drift import DriftReport
+    from atlantis_netcfg.runs.report.drift import DriftReport
 
     unfinished = _unfinished(opened)
     return DriftReport(

@@ -58,8 +58,8 @@ def run_fit(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core import paths, printable
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import load
-    from atlantis_netcfg.journal import Store, utc_now
     from atlantis_netcfg.operations.fit import vehicle_fit
+    from atlantis_netcfg.runs import Store, utc_now
 
     named = arguments.optional("inventory")
     declaration = load(Path(named) if named else paths.checkout() / "inventory")
@@ -92,9 +92,9 @@ def _listen(
 ) -> tuple[MeasuredTelemetry, TelemetryChange] | tuple[None, None]:
     """Listen where that was asked for, and write what was heard where that was. Raises UsageError."""
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.journal import utc_now
     from atlantis_netcfg.operations import measured_telemetry, robots
     from atlantis_netcfg.operations.fit import require_vehicle
+    from atlantis_netcfg.runs import utc_now
 
     span, address = arguments.optional("observed"), arguments.optional("address")
     if span is None:

@@ -117,7 +117,7 @@ def _alone(arguments: Arguments) -> AbstractContextManager[object]:
     if arguments.flag("plan"):
         return nullcontext()
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.journal import SiteLock
+    from atlantis_netcfg.runs import SiteLock
 
     command = f"provision {arguments.command.name} name={arguments.word('name')}"
     return SiteLock(paths.state_dir() / "guests.lock", "the file of guests", command)

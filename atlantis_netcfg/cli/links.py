@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.allow_list_test.prove import Proof
     from atlantis_netcfg.operations.links.look import LinksStatus
-    from atlantis_netcfg.report.links import LinksReport
+    from atlantis_netcfg.runs.report.links import LinksReport
 
 
 LINKS = CommandSpec(

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from atlantis_netcfg.cli._session import CommandSession
-    from atlantis_netcfg.report.run import RunReport
+    from atlantis_netcfg.runs.report.run import RunReport
 
 _FORMAT = "atlantis-plan-2"
 _KEYS = {"format", "site", "only", "via", "offline", "rehearsed", "revision", "plans", "text", "sha256"}

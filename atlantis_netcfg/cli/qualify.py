@@ -234,7 +234,6 @@ def _link(
     from datetime import UTC, datetime
 
     from atlantis_netcfg.core.errors import NetcfgError
-    from atlantis_netcfg.journal import make_private, new_run, os_errors_as
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.qualify.emulation import emulated_link
     from atlantis_netcfg.operations.qualify.result import QualifyResult
@@ -242,6 +241,7 @@ def _link(
     from atlantis_netcfg.qualify.kept import folder_of
     from atlantis_netcfg.qualify.measured_run import RUN_FILE
     from atlantis_netcfg.qualify_pages import write_pages
+    from atlantis_netcfg.runs import make_private, new_run, os_errors_as
 
     now = datetime.now(UTC)
     kept = folder_of(opened.store, opened.site)

@@ -12,8 +12,8 @@ from atlantis_netcfg.cli._output import json_text
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.journal import Store
     from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.runs import Store
 
 _SITE = Word("site", "the site", required=True, example="coastal")
 _REHEARSED = Flag("rehearsed", "those of rehearsals instead of real ones")
@@ -154,7 +154,7 @@ def _headlines(record: QualifyRecord) -> dict[str, Any]:
 
 def _store(arguments: Arguments) -> Store:
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.runs import Store
 
     return Store(paths.state_dir(), rehearsed=arguments.flag("rehearsed"))
 
@@ -163,8 +163,8 @@ def _nothing(arguments: Arguments) -> Exception:
     """There is no measurement; those of the other kind are named where there are any."""
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.core.errors import NothingMatched
-    from atlantis_netcfg.journal import Store
     from atlantis_netcfg.qualify.kept import kept_runs
+    from atlantis_netcfg.runs import Store
 
     site, link, rehearsed = arguments.word("site"), arguments.optional("link"), arguments.flag("rehearsed")
     known = sorted({item.run.link for item in kept_runs(Store(paths.state_dir(), rehearsed=rehearsed), site)})

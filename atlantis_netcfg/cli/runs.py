@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.journal import Run, Store
+    from atlantis_netcfg.runs import Run, Store
 
 
 RUNS = CommandSpec(
@@ -52,7 +52,7 @@ def run_runs(arguments: Arguments) -> ExitCode:
     """List them, oldest first; exit 7 when there is none."""
     from atlantis_netcfg.cli._output import json_text
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.runs import Store
 
     store = Store(paths.state_dir(), rehearsed=arguments.flag("rehearsed"))
     sites = _sites(store, arguments.optional("site"))
@@ -84,7 +84,7 @@ def _sites(store: Store, site: str | None) -> tuple[str, ...]:
 
 def _rows(store: Store, site: str, archived: Sequence[str]) -> Iterator[dict[str, Any]]:
     """One row a run; each journal is read once."""
-    from atlantis_netcfg.journal import unfinished
+    from atlantis_netcfg.runs import unfinished
 
     runs = store.runs(site)
     open_runs = {run.id for run in unfinished(runs)}

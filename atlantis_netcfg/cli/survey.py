@@ -127,7 +127,7 @@ def _coast(arguments: Arguments) -> Coast | None:
 
 def _made_again(arguments: Arguments, coast: Coast | None) -> ExitCode:
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.runs import Store
     from atlantis_netcfg.survey.kept import folder_of, kept_survey
 
     rehearsed = arguments.flag("rehearse")
@@ -140,10 +140,10 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     """Survey; the folder in which everything is."""
     from contextlib import ExitStack
 
-    from atlantis_netcfg.journal import os_errors_as, utc_now
     from atlantis_netcfg.operations.qualify.far_end import open_far_end
     from atlantis_netcfg.operations.request import refuse_examples
     from atlantis_netcfg.qualify.samples import SampleWriter
+    from atlantis_netcfg.runs import os_errors_as, utc_now
     from atlantis_netcfg.survey.kept import folder_of, new_folder
     from atlantis_netcfg.survey.points import SAMPLES_FILE, SURVEY_FILE, SurveyEnd, SurveyWriter
     from atlantis_netcfg.survey.positions import GpsdSource

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.link_use import UseRequest
-    from atlantis_netcfg.report.run import RunReport
+    from atlantis_netcfg.runs.report.run import RunReport
 
 USE = CommandSpec(
     "use",

@@ -14,7 +14,11 @@ from atlantis_netcfg.console.ssh import host_key_of, open_ssh
 from atlantis_netcfg.console.terminal import open_serial
 from atlantis_netcfg.console.types import Console, ConsoleUnreachable
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, complete
-from atlantis_netcfg.journal import (
+from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.routeros.api import Endpoint, Session, Unreachable
+from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.runs import (
     NOT_RECORDED,
     ContactStep,
     Journal,
@@ -30,10 +34,6 @@ from atlantis_netcfg.journal import (
     conclude,
     unrecorded,
 )
-from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.request import refuse_examples
-from atlantis_netcfg.routeros.api import Endpoint, Session, Unreachable
-from atlantis_netcfg.rsc import parse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Access
-    from atlantis_netcfg.journal.records import Record
+    from atlantis_netcfg.runs.records import Record
 
 SSH_PORT = 22
 """Of service `ssh`; neither the factory nor the site's template moves it."""

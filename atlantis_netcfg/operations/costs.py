@@ -13,7 +13,6 @@ from atlantis_netcfg.bearers.cost import ACCEPT, Bill, CostRefused, MeteredLink,
 from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Router, SshHost
-from atlantis_netcfg.journal import CostCounted, Counters, Recorder, Store
 from atlantis_netcfg.operations import request as requests
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.kinds import handled
@@ -23,6 +22,7 @@ from atlantis_netcfg.routeros.apply import Admission, DeviceJob, DeviceResult
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import Estimate, on_the_wire
 from atlantis_netcfg.routeros.estimate import beforehand as before_reading
+from atlantis_netcfg.runs import CostCounted, Counters, Recorder, Store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

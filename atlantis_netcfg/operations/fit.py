@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.standing import DdsMessages, MessageCost
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.inventory.model import Bearer, RosMiddleware, TelemetryTopic
-    from atlantis_netcfg.journal import Store
     from atlantis_netcfg.qualify.kept import KeptRun
+    from atlantis_netcfg.runs import Store
 
 LOSSY: Final = 0.1
 """Share of the messages of a topic from which on their loss is a warning."""

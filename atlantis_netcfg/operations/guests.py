@@ -15,7 +15,7 @@ from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import ETHERNET, Column, Guest
 from atlantis_netcfg.inventory.new_inventory.yaml_text import document
 from atlantis_netcfg.inventory.robots.reading import FOLDER
-from atlantis_netcfg.journal import os_errors_as
+from atlantis_netcfg.runs import os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

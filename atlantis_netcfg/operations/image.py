@@ -26,7 +26,7 @@ from atlantis_netcfg.image.plan import customise
 from atlantis_netcfg.image.source import Expanded, SourceKind, checksum, expand, segments
 from atlantis_netcfg.image.writer import Card, Progress, WriteMeter, WriterStep, WrittenCard, write
 from atlantis_netcfg.inventory.model import AddressBy, Image, SiteComputer
-from atlantis_netcfg.journal import Store, write_atomically
+from atlantis_netcfg.runs import Store, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

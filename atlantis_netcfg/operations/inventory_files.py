@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.inventory import Declaration, InventoryInvalid, load
-from atlantis_netcfg.journal import os_errors_as, sync_directory, write_atomically
+from atlantis_netcfg.runs import os_errors_as, sync_directory, write_atomically
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.inventory.model import Access, LteRouter
-from atlantis_netcfg.journal import Journal, Pins, Recorder, Store
 from atlantis_netcfg.operations.bearers import bearer_of, patient
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.kinds import Managed, managed
@@ -21,6 +20,7 @@ from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob, History, NoHistory, SshEndpoint, StateVariants
 from atlantis_netcfg.routeros.desired import Desired, from_export, read
 from atlantis_netcfg.routeros.link_use import ROUTES, LinkUse, begun, ended, without_use
+from atlantis_netcfg.runs import Journal, Pins, Recorder, Store
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

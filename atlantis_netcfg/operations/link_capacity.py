@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.bearers.standing import LinkPace
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.journal import NoSuchRun
 from atlantis_netcfg.operations.standing import declared_pace
+from atlantis_netcfg.runs import NoSuchRun
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from datetime import datetime
 
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.journal import Store
     from atlantis_netcfg.qualify.kept import KeptRun
     from atlantis_netcfg.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.runs import Store
 
 USABLE: Final = 0.7
 """Of a capacity: facts/devices.md, section 9."""

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.stop_signals import STOP_SIGNALS, handlers, pending_stop, restore
-from atlantis_netcfg.journal import Run, Store
-from atlantis_netcfg.journal.records import DeviceObserved, Planned, StateSaved
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
+from atlantis_netcfg.runs import Run, Store
+from atlantis_netcfg.runs.records import DeviceObserved, Planned, StateSaved
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched, nearest
-from atlantis_netcfg.journal import NoSuchRun, SavedState, StateDamaged, Store
 from atlantis_netcfg.routeros import _items, snapshot
 from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.runs import NoSuchRun, SavedState, StateDamaged, Store
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

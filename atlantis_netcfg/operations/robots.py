@@ -29,7 +29,6 @@ from atlantis_netcfg.inventory.robots.reading import (
     past_guests,
     read_published,
 )
-from atlantis_netcfg.journal import os_errors_as, write_atomically
 from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
@@ -37,6 +36,7 @@ from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, pro
 from atlantis_netcfg.robots.observation import RobotReport, RobotState, judge, vehicle_key
 from atlantis_netcfg.robots.recording import BagRecorder
 from atlantis_netcfg.robots.replay import BagPlayer, read_bag
+from atlantis_netcfg.runs import os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.journal import NoSuchRun, StateDamaged, Store
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.restore import LATEST
+from atlantis_netcfg.runs import NoSuchRun, StateDamaged, Store
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.inventory import Host
-    from atlantis_netcfg.journal import Run, SavedState
+    from atlantis_netcfg.runs import Run, SavedState
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.inventory.model import Cpe, Router
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import LAN, as_bearer
 from atlantis_netcfg.routeros.pair import Pair, Signal
+from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -14,7 +14,13 @@ from atlantis_netcfg import __version__
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.worker import run_until_settled
-from atlantis_netcfg.journal import (
+from atlantis_netcfg.operations.costs import Costs, gate
+from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.request import EventStream, Mode, Request, declaration_of, open_request, refuse_examples
+from atlantis_netcfg.operations.schedule import RunUnit, far_bearer, members_of, pair_of
+from atlantis_netcfg.routeros import Status, fleet
+from atlantis_netcfg.runs import (
     Journal,
     JournalFailed,
     NoJournal,
@@ -29,13 +35,7 @@ from atlantis_netcfg.journal import (
     conclude,
     unrecorded,
 )
-from atlantis_netcfg.operations.costs import Costs, gate
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.request import EventStream, Mode, Request, declaration_of, open_request, refuse_examples
-from atlantis_netcfg.operations.schedule import RunUnit, far_bearer, members_of, pair_of
-from atlantis_netcfg.report.drift import drift_lines
-from atlantis_netcfg.routeros import Status, fleet
+from atlantis_netcfg.runs.report.drift import drift_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -12,7 +12,8 @@ from atlantis_netcfg.bearers.satellite import Backup, SatelliteEvidence, judge_c
 from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.inventory.model import Router, SatelliteTerminal
-from atlantis_netcfg.journal import (
+from atlantis_netcfg.operations.request import Mode, declaration_of, open_request
+from atlantis_netcfg.runs import (
     ActionsConfirmed,
     JournalFailed,
     LayerSent,
@@ -23,7 +24,6 @@ from atlantis_netcfg.journal import (
     Store,
     write_atomically,
 )
-from atlantis_netcfg.operations.request import Mode, declaration_of, open_request
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

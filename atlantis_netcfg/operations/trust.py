@@ -14,13 +14,13 @@ from atlantis_netcfg.console.ssh import host_key_of
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.routeros.api import certificate_of
+from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,7 +20,17 @@ from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, Not
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory.model import Router
-from atlantis_netcfg.journal import (
+from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.costs import gate, unpaid
+from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.request import Mode as RequestMode
+from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.site_links import link_of
+from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, SessionLost
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, SshEndpoint, Status, converge
+from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
+from atlantis_netcfg.routeros.packages import Installed, Npk, RouterOsPackage, Upgrade, plan, read_npk
+from atlantis_netcfg.runs import (
     Journal,
     NoJournal,
     Outcome,
@@ -36,16 +46,6 @@ from atlantis_netcfg.journal import (
     conclude,
     unrecorded,
 )
-from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.costs import gate, unpaid
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.request import Mode as RequestMode
-from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.operations.site_links import link_of
-from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, SessionLost
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, SshEndpoint, Status, converge
-from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
-from atlantis_netcfg.routeros.packages import Installed, Npk, RouterOsPackage, Upgrade, plan, read_npk
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

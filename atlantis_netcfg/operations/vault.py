@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.runs import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -15,7 +15,6 @@ from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import managed
@@ -26,6 +25,7 @@ from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
 from atlantis_netcfg.routeros.verify import ON_EVENT, UNDO_S, SeenAnswers, fall_silent, read, try_out
+from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,18 +11,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError, nearest
-from atlantis_netcfg.journal import NoSuchRun, StateDamaged, os_errors_as, write_atomically
-from atlantis_netcfg.journal.files import component
 from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, MeasuredRun, read_run
 from atlantis_netcfg.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.qualify.samples import read
+from atlantis_netcfg.runs import NoSuchRun, StateDamaged, os_errors_as, write_atomically
+from atlantis_netcfg.runs.files import component
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.journal import Store
     from atlantis_netcfg.qualify.judgement import QualifyProfile
     from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.runs import Store
 
 RECORD_FILE: Final = "record.json"
 

@@ -17,10 +17,10 @@ def write_pages(folder: Path) -> QualifyRecord:
 
     Raises JournalFailed, StateDamaged, SamplesUnreadable.
     """
-    from atlantis_netcfg.journal import os_errors_as, write_atomically  # noqa: PLC0415 - a page takes long to import
     from atlantis_netcfg.qualify.kept import keep_record, made_anew  # noqa: PLC0415
     from atlantis_netcfg.qualify_pages.pages import PAGE_FILE, PAPER_FILE, html, pdf  # noqa: PLC0415
     from atlantis_netcfg.qualify_pages.plots import plots  # noqa: PLC0415
+    from atlantis_netcfg.runs import os_errors_as, write_atomically  # noqa: PLC0415 - a page takes long to import
 
     record, samples = made_anew(folder)
     drawn = plots(record, samples)

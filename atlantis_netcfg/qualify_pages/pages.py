@@ -20,7 +20,7 @@ from atlantis_netcfg.qualify_pages.sections import (
     sections,
     subtitle,
 )
-from atlantis_netcfg.report.page import page, page_environment, unread
+from atlantis_netcfg.runs.report.page import page, page_environment, unread
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

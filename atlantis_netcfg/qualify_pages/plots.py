@@ -19,7 +19,7 @@ from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS, ShownState
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.qualify.compare import loss_shares
 from atlantis_netcfg.qualify.figures import round_trips
-from atlantis_netcfg.report.drift import clean
+from atlantis_netcfg.runs.report.drift import clean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.bearers.lte.judge import WEAK_RSRP_DBM, WEAK_RSRQ_DB, WEAK_SINR_DB
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.report.page import page, page_environment
+from atlantis_netcfg.runs.report.page import page, page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

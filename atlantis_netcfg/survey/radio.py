@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte import LteReading
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.runs import Store
 
 _ROUTES = Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",))
 _ROUTER_S = 5.0

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.runs import Store
     from atlantis_netcfg.survey.measure import SurveyPlan
     from atlantis_netcfg.survey.points import SurveyPoint
     from atlantis_netcfg.survey.positions import TrackPosition

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 from bench.declared import CHECKOUT, ROUTER, SITE
 from bench.job import Command, Job, Scenario
 

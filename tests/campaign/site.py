@@ -18,8 +18,8 @@ from quay import _inventory, _opened
 
 from atlantis_netcfg.emulator.routeros import Air, SiteSpec, SpawnedSite, User
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.runs import Store
 from campaign.relay import Relay
 
 CHECKOUT = Path(__file__).resolve().parents[2]

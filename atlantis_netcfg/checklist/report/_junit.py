@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.report._shapes import ShownState, grid, state
 from atlantis_netcfg.checklist.report._words import closing, english, evidence_words, signed
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.report.drift import add, clean, count, skip, tell, written
+from atlantis_netcfg.runs.report.drift import add, clean, count, skip, tell, written
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

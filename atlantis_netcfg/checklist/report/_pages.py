@@ -26,8 +26,8 @@ from atlantis_netcfg.checklist.report._words import (
 )
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.report.drift import clean
-from atlantis_netcfg.report.page import page, page_environment
+from atlantis_netcfg.runs.report.drift import clean
+from atlantis_netcfg.runs.report.page import page, page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -35,7 +35,7 @@ from atlantis_netcfg.checklist.report._shapes import (
     worst_state,
 )
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.report.drift import clean
+from atlantis_netcfg.runs.report.drift import clean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.operations.saved_states import StartState
-    from atlantis_netcfg.report.run import RunReport
+    from atlantis_netcfg.runs.report.run import RunReport
 
 _WIDTH = 80
 

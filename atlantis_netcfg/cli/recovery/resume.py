@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.journal import Run
-    from atlantis_netcfg.report.run import RunReport
+    from atlantis_netcfg.runs import Run
+    from atlantis_netcfg.runs.report.run import RunReport
 
 RESUME = CommandSpec(
     "resume",
@@ -117,8 +117,8 @@ def _rehearsed(opened: CommandSession, broken: Run) -> RunReport:
 
 def _broken(state: Path, site: str, name: str | None, *, rehearsed: bool = False) -> Run:
     """The run that was named, or the latest unfinished one. Raises NothingMatched."""
-    from atlantis_netcfg.journal import Purpose
     from atlantis_netcfg.operations.saved_states import saved_run, stores
+    from atlantis_netcfg.runs import Purpose
 
     if name is not None:
         named = saved_run(state, site, name, rehearsed=rehearsed)
@@ -185,7 +185,7 @@ def _left_by_others(opened: CommandSession, name: str | None, nothing: NothingMa
 
 def _refuse_others(broken: Run) -> None:
     """What is no run of the engine is repeated, and goes on by what the device says. Raises UsageError."""
-    from atlantis_netcfg.journal import Purpose
+    from atlantis_netcfg.runs import Purpose
 
     repeated = {
         Purpose.ADOPT: "a first contact",

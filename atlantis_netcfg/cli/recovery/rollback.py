@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.journal import Run
-    from atlantis_netcfg.report.run import RunReport
+    from atlantis_netcfg.runs import Run
+    from atlantis_netcfg.runs.report.run import RunReport
 
 ROLLBACK = CommandSpec(
     "rollback",

@@ -114,7 +114,7 @@ def _known(word: Word, before: Sequence[str]) -> Iterator[Candidate]:
 
 
 def _runs(site: str) -> list[str]:
-    """The runs of a site on this laptop, newest first: the folders of `atlantis_netcfg/journal`."""
+    """The runs of a site on this laptop, newest first: the folders of `atlantis_netcfg/runs`."""
     from atlantis_netcfg.core import paths
 
     state = paths.state_place() / "real"

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.cost import Bill, Preview, preview
 from atlantis_netcfg.bearers.satellite import judge_names
-from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
 from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -17,6 +16,7 @@ from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.site_links import links_of
 from atlantis_netcfg.routeros.api import Session, Traffic
 from atlantis_netcfg.routeros.estimate import on_the_wire
+from atlantis_netcfg.runs import NoJournal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

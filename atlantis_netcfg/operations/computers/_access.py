@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.inventory.model import SshHost, VpnServer
-from atlantis_netcfg.journal import make_private, os_errors_as, write_atomically
 from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.runs import make_private, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -40,11 +40,11 @@ from atlantis_netcfg.inventory.model import (
     SiteComputer,
     SshHost,
 )
-from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.request import StandIns, Target
 from atlantis_netcfg.operations.vpn.members import server_names
 from atlantis_netcfg.operations.vpn.requests import DeviceWords, computers, request_of
+from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import HandoutFile
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file

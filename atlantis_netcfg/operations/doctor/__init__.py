@@ -18,7 +18,6 @@ from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import ALL, InventoryInvalid, choose, load
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.doctor.clock import clock_items
 from atlantis_netcfg.operations.doctor.folders import folder_items, read_runs
@@ -35,6 +34,7 @@ from atlantis_netcfg.operations.doctor.way import (
     router_places,
     why_not_contacted,
 )
+from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

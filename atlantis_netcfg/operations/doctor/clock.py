@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.journal import Run
+    from atlantis_netcfg.runs import Run
 
 _TOLERANCE = timedelta(minutes=10)
 """Clocks of other people's computers, on which commits are made, differ by so much."""

@@ -21,7 +21,7 @@ from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.journal import Run, Store
+    from atlantis_netcfg.runs import Run, Store
 
 _MB = 1_000_000
 _OTHERS = 0o077

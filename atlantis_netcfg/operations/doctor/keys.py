@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.journal import Pins
+    from atlantis_netcfg.runs import Pins
 
 _PATIENCE_S = 5.0
 _OTHERS = 0o077

@@ -14,7 +14,6 @@ from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.inventory.model import Bearer, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
-from atlantis_netcfg.journal import Counters, MonthBytes, Store, Usage
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
 from atlantis_netcfg.operations.bearers import FAST_S, LAN, PATIENCE_S, bearer_of
 from atlantis_netcfg.operations.costs import ways_of
@@ -41,9 +40,10 @@ from atlantis_netcfg.operations.links.status import (
 from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.operations.site_links import links_of
 from atlantis_netcfg.operations.standing import over_budget, standing_traffic
-from atlantis_netcfg.report.links import LinksReport
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import on_the_wire
+from atlantis_netcfg.runs import Counters, MonthBytes, Store, Usage
+from atlantis_netcfg.runs.report.links import LinksReport
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Mapping, Sequence

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers.policy import BearerRoute
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations.lte.units import LteUnit
     from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.runs import Store
 
 
 IN_USE = "in-use-for-a-time"

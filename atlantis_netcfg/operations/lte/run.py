@@ -21,7 +21,12 @@ from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete, worst
 from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
-from atlantis_netcfg.journal import (
+from atlantis_netcfg.operations.costs import gate
+from atlantis_netcfg.operations.kinds import is_unit
+from atlantis_netcfg.operations.lte.units import FINE, LteResult, LteUnit, NotRehearsed, UnitStatus, words
+from atlantis_netcfg.operations.request import Mode, Request, declaration_of, open_request, refuse_examples
+from atlantis_netcfg.routeros.apply import Status
+from atlantis_netcfg.runs import (
     NOT_RECORDED,
     ActionsConfirmed,
     Journal,
@@ -38,11 +43,6 @@ from atlantis_netcfg.journal import (
     conclude,
     unrecorded,
 )
-from atlantis_netcfg.operations.costs import gate
-from atlantis_netcfg.operations.kinds import is_unit
-from atlantis_netcfg.operations.lte.units import FINE, LteResult, LteUnit, NotRehearsed, UnitStatus, words
-from atlantis_netcfg.operations.request import Mode, Request, declaration_of, open_request, refuse_examples
-from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

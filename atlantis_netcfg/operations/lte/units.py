@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte.rutos_settings import LteSettings
     from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.inventory import Host
-    from atlantis_netcfg.journal import Pins, Store
     from atlantis_netcfg.routeros.apply import Status
+    from atlantis_netcfg.runs import Pins, Store
 
 
 _HTTPS, _SSH = 443, 22

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.prove import temporarily
 from atlantis_netcfg.operations.costs import ports_of
 from atlantis_netcfg.operations.jobs import device_job
@@ -47,6 +46,7 @@ from atlantis_netcfg.qualify.samples import SampleWriter
 from atlantis_netcfg.qualify.session import ReflectorPeer
 from atlantis_netcfg.qualify.transport import UdpTransport
 from atlantis_netcfg.routeros.api import Command, Session
+from atlantis_netcfg.runs import NoJournal
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

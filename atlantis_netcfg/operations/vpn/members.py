@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import private_directory
-from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn.requests import computers
+from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import HandoutFile, IssueResult, ServerNames
 from atlantis_netcfg.vpn.enrolment_package import OneTimePassphrase, Recipient, handout, host_identity

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.inventory.model import Router, SiteComputer
-from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.client import site_link
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, inline

@@ -14,16 +14,6 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.journal import (
-    ActionsAcknowledged,
-    ActionsConfirmed,
-    LayerSent,
-    Protected,
-    Released,
-    Releasing,
-    Signed,
-    Verified,
-)
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Facts, Observed, Plan, Verb
 from atlantis_netcfg.routeros.api import Command, Reply, SessionLost
@@ -67,6 +57,16 @@ from atlantis_netcfg.routeros.planner import CannotPlan, plan
 from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost, SafeModeUnavailable, held_by
 from atlantis_netcfg.routeros.scheduler_jobs import MENU as SCHEDULER
 from atlantis_netcfg.routeros.scheduler_jobs import DeadMan, WillNotRun, arm_dead_man, disarm, forbidden
+from atlantis_netcfg.runs import (
+    ActionsAcknowledged,
+    ActionsConfirmed,
+    LayerSent,
+    Protected,
+    Released,
+    Releasing,
+    Signed,
+    Verified,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

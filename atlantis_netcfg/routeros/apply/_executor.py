@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Stage
-from atlantis_netcfg.journal import DeviceObserved, Planned
 from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply._change import BEFORE, change, missing, needs_sign, safe_mode_first
@@ -50,6 +49,7 @@ from atlantis_netcfg.routeros.observe import (
 from atlantis_netcfg.routeros.planner import CannotPlan, newer_than_known, plan
 from atlantis_netcfg.routeros.safe_mode import READ, ApiSafeMode, SafeModeUnavailable
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
+from atlantis_netcfg.runs import DeviceObserved, Planned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Subscriber, ignore
-from atlantis_netcfg.journal import NoJournal, Recorder, SavedState
 from atlantis_netcfg.routeros.api import Endpoint, Session, Traffic
+from atlantis_netcfg.runs import NoJournal, Recorder, SavedState
 
 if TYPE_CHECKING:
     from atlantis_netcfg.console.types import Console

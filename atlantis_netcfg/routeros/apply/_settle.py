@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.core.events import Stage
-from atlantis_netcfg.journal import ActionsConfirmed, NoJournal, Unrolled
 from atlantis_netcfg.routeros._types import Observed, Verb
 from atlantis_netcfg.routeros.api import Refused, SessionLost, Unreachable
 from atlantis_netcfg.routeros.apply._change import VerificationFailed, change
@@ -24,6 +23,7 @@ from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, disarm, jobs_of
+from atlantis_netcfg.runs import ActionsConfirmed, NoJournal, Unrolled
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Channel

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.secret import MASK
-from atlantis_netcfg.journal import JournalFailed, Outcome, PlannedAction, Record, conclude, unrecorded
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import Action, Layer, Observed, Plan, PortCounts, Verb
 from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, Status
@@ -22,6 +21,7 @@ from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.drift import Comparison, Difference, DriftKind, Owner
 from atlantis_netcfg.routeros.safe_mode import BUDGET, NoSafeMode, SafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, ArmedJob, DeadMan, disarm, jobs_of
+from atlantis_netcfg.runs import JournalFailed, Outcome, PlannedAction, Record, conclude, unrecorded
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Command, Reply

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.core.events import Stage
-from atlantis_netcfg.journal import NoJournal, Released
 from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply import Channel, DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
 from atlantis_netcfg.routeros.safe_mode import DEAD_SESSION_S, ApiSafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
+from atlantis_netcfg.runs import NoJournal, Released
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.pair._transaction import Transaction

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, JournalFailed, Planned, Record, Unrolled
 from atlantis_netcfg.routeros.apply import Channel, DeviceJob, DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.apply._change import missing
 from atlantis_netcfg.routeros.apply._contact import Contact, fitted
@@ -27,6 +26,7 @@ from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.observe import MenuMissing, observe
 from atlantis_netcfg.routeros.pair._radio import MENUS, PairRadio, drops_link, radio_of, touches_radio
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
+from atlantis_netcfg.runs import ActionsConfirmed, DeviceObserved, JournalFailed, Planned, Record, Unrolled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.core.events import Stage
-from atlantis_netcfg.journal import ActionsAcknowledged, LayerSent, Protected, Released, Releasing, Signed, Verified
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._protection import Interfered
 from atlantis_netcfg.routeros.apply._scripts import output, scripts
@@ -42,6 +41,7 @@ from atlantis_netcfg.routeros.scheduler_jobs import (
     jobs_of,
     pair_script,
 )
+from atlantis_netcfg.runs import ActionsAcknowledged, LayerSent, Protected, Released, Releasing, Signed, Verified
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

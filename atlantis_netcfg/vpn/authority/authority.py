@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.paths import hold_own
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.journal import LockHolder, sync_directory, write_atomically
+from atlantis_netcfg.runs import LockHolder, sync_directory, write_atomically
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.check import Agreement, agreement, problems

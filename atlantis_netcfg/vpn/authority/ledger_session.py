@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Self
 from cryptography.exceptions import UnsupportedAlgorithm
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, ClockBehind, ServerNames, os_errors_as

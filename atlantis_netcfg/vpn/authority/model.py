@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.atomic_files import DRAFT, open_lock, sync_directory, write_atomically
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.journal import LockHolder
+from atlantis_netcfg.runs import LockHolder
 from atlantis_netcfg.vpn.identity import Certificate, ClientSystem, KeyType, Member, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:

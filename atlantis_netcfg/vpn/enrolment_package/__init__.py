@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import Router
-from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki, routeros
 from atlantis_netcfg.vpn.enrolment_package import page as pages
 from atlantis_netcfg.vpn.enrolment_package.profile import (

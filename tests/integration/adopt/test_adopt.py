@@ -14,7 +14,7 @@ from atlantis_netcfg.bootstrap.run import CutOff, NotFactoryFresh, PreflightRefu
 from atlantis_netcfg.console.types import HostKeyChanged, LoginFailed
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.emulator.routeros import DeviceMode, DeviceModeName, User
-from atlantis_netcfg.journal import ContactStep, ContactStepDone, Outcome, Pinned, Store
+from atlantis_netcfg.runs import ContactStep, ContactStepDone, Outcome, Pinned, Store
 
 __all__ = ["laptop"]
 pytestmark = pytest.mark.slow

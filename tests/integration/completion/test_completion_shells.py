@@ -20,7 +20,7 @@ import pyte
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.journal import RunStarted, Store
+from atlantis_netcfg.runs import RunStarted, Store
 
 pytestmark = pytest.mark.slow
 COLUMNS, ROWS = 100, 40

@@ -9,7 +9,7 @@ import pytest
 from hints_said import advised
 from quay import ROUTER, Quay, quay
 
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
-from atlantis_netcfg.journal.log import LogEntry, line
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, JobMode, Patience, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
+from atlantis_netcfg.runs import Journal, Record, RunResumed, RunStarted, Store
+from atlantis_netcfg.runs.log import LogEntry, line
 
 STARTED = RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
 

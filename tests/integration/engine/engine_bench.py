@@ -12,10 +12,10 @@ from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterLink, RouterSpec, User, WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.link import Faults
-from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, converge, desired
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 from atlantis_netcfg.routeros.apply import Channel, SshEndpoint
+from atlantis_netcfg.runs import Journal, RunStarted, Store
 
 T = TypeVar("T")
 PASSWORD = "open sesame"

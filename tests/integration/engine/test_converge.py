@@ -8,7 +8,8 @@ from engine_bench import TEXT, Bench, leases, on, without_header
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN
 from atlantis_netcfg.emulator.routeros import Execute, RouterLink, WireBehaviour
-from atlantis_netcfg.journal import (
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, desired
+from atlantis_netcfg.runs import (
     ActionsConfirmed,
     DeviceObserved,
     LayerSent,
@@ -19,7 +20,6 @@ from atlantis_netcfg.journal import (
     RunStarted,
     StateSaved,
 )
-from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, desired
 
 HANDSHAKE = 3
 """Round trips of TCP's and of TLS 1.2's."""

@@ -12,9 +12,9 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.emulator.routeros import Execute, FaultKind, LinkFault, WireBehaviour
 from atlantis_netcfg.emulator.routeros.answers import Answer
-from atlantis_netcfg.journal import ActionsAcknowledged, Journal, JournalFailed, Record
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status, converge, fleet
 from atlantis_netcfg.routeros.apply import _change, _executor, _settle
+from atlantis_netcfg.runs import ActionsAcknowledged, Journal, JournalFailed, Record
 
 MANAGEMENT = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
 LIST = "/ip firewall address-list\n" + "".join(

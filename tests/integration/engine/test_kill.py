@@ -15,7 +15,7 @@ from engine_bench import PASSWORD, TEXT, leases, without_header
 from waiting import wait_until
 
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
-from atlantis_netcfg.journal import Run, Store
+from atlantis_netcfg.runs import Run, Store
 
 CHILD = Path(__file__).with_name("child_run.py")
 RECORDS = 14

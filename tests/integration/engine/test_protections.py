@@ -11,9 +11,9 @@ from engine_bench import TEXT, Bench, Meddler, leases, on
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import DeviceMode, FaultKind, LinkFault, WireBehaviour
 from atlantis_netcfg.emulator.routeros import DeviceModeName as TwinMode
-from atlantis_netcfg.journal import Protected
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status
 from atlantis_netcfg.routeros.apply import _executor
+from atlantis_netcfg.runs import Protected
 
 HOME = DeviceMode(mode=TwinMode.HOME)
 LAST = '/tool mac-server ping\nset enabled=no\n/ip ssh\nset host-key-type="ed25519 of another kind"\n'

@@ -20,7 +20,7 @@ from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.schedule import with_other_ends
 from atlantis_netcfg.operations.site import perform
-from atlantis_netcfg.report.links import LinksReport
+from atlantis_netcfg.runs.report.links import LinksReport
 
 ROOT = Path(__file__).resolve().parents[3]
 INVENTORY = ROOT / "inventory"

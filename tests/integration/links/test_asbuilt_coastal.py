@@ -18,7 +18,7 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory import choose
 from atlantis_netcfg.inventory.model import NumberMask
-from atlantis_netcfg.journal import utc_now
+from atlantis_netcfg.runs import utc_now
 
 pytestmark = pytest.mark.slow
 

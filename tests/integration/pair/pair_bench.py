@@ -27,10 +27,10 @@ from atlantis_netcfg.emulator.routeros import (
     TwinSpec,
     User,
 )
-from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.runs import Journal, RunStarted, Store
 
 T = TypeVar("T")
 PASSWORD = ENGINE_PASSWORD

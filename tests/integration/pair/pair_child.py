@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, JobMode, Patience, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
+from atlantis_netcfg.runs import Journal, Record, RunResumed, RunStarted, Store
 
 STARTED = RunStarted(
     site="quay", revision="", tool="", hosts=("near", "far"), rehearsed=False, command="provision site=quay"

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from pair_bench import PairBench, Words, on, text
 
-from atlantis_netcfg.journal import Journal, LayerSent, Record
 from atlantis_netcfg.routeros import DeviceResult, Endpoint, Status, desired, fleet
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 from atlantis_netcfg.routeros.apply import Channel
 from atlantis_netcfg.routeros.pair import Pair
+from atlantis_netcfg.runs import Journal, LayerSent, Record
 
 NEW = Words(ssid="new name")
 

@@ -13,7 +13,7 @@ import pytest
 from pair_bench import PASSWORD, PairBench, Words, text, without_job
 
 from atlantis_netcfg.emulator.routeros import Air, RunningSite
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 
 CHILD = Path(__file__).with_name("pair_child.py")
 NEW = Words(ssid="new name", key="a new key for both ends")

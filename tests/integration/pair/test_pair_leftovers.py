@@ -11,10 +11,10 @@ from pair_bench import PairBench, Words, on
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import Air
-from atlantis_netcfg.journal import Journal, Record, Released
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply import Patience
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
+from atlantis_netcfg.runs import Journal, Record, Released
 
 NEW = Words(ssid="new name", key="a new key for both ends")
 LATER_S = 1200.0

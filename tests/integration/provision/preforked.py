@@ -41,7 +41,7 @@ PRELOADED = (
     *("atlantis_netcfg.cli._session", "atlantis_netcfg.cli.devices", "atlantis_netcfg.cli.runs"),
     *("atlantis_netcfg.operations.jobs", "atlantis_netcfg.operations.rehearsal", "atlantis_netcfg.operations.restore"),
     *("atlantis_netcfg.operations.terminals", "atlantis_netcfg.operations.site", "atlantis_netcfg.operations.site"),
-    *("atlantis_netcfg.operations.vault", "atlantis_netcfg.report.drift", "atlantis_netcfg.routeros.fleet"),
+    *("atlantis_netcfg.operations.vault", "atlantis_netcfg.runs.report.drift", "atlantis_netcfg.routeros.fleet"),
     *("cryptography.hazmat.primitives.kdf.pbkdf2", "cryptography.x509", "jinja2.nativetypes", "jinja2.sandbox"),
     *("multiprocessing.queues", "multiprocessing.shared_memory", "multiprocessing.synchronize", "packaging.tags"),
     *("curses", "pprint", "pty", "syslog", "tarfile", "xml.dom.minidom", "xml.etree.ElementTree", "yaml"),

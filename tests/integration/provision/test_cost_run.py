@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from quay import ROUTER, Quay, fresh_quay
 
-from atlantis_netcfg.journal import CostCounted, Store
 from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
+from atlantis_netcfg.runs import CostCounted, Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

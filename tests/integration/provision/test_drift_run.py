@@ -12,7 +12,7 @@ import pytest
 from quay import CHECKOUT, ROUTER, Quay, quay
 
 from atlantis_netcfg.emulator.routeros import User
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

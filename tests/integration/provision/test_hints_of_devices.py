@@ -16,9 +16,9 @@ from vpn_desk import PASSPHRASE
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.emulator.routeros import DeviceMode, DeviceModeName
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import upgrade
 from atlantis_netcfg.operations.upgrade import WaitingUpgrade
+from atlantis_netcfg.runs import Store
 from atlantis_netcfg.vpn.authority.authority import Authority
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

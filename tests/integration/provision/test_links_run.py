@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from quay import PROVISION, ROUTER, Quay, quay
 
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

@@ -16,7 +16,7 @@ from quay import CHECKOUT, _inventory, _namespace
 from test_adopt_run import led
 
 from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSim, RutosSpec
-from atlantis_netcfg.journal import RunStarted, Store
+from atlantis_netcfg.runs import RunStarted, Store
 
 pytestmark = pytest.mark.slow
 

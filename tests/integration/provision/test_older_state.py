@@ -13,7 +13,7 @@ from hints_said import advised, said
 from quay import CHECKOUT, ROUTER, Quay, quay
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 
 pytestmark = pytest.mark.slow

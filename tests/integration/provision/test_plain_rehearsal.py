@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 
 pytestmark = pytest.mark.slow
 

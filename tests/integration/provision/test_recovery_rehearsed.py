@@ -11,8 +11,8 @@ from quay import PROVISION, ROUTER, Quay, fresh_quay
 from test_real_run import await_record, kill_workers
 from waiting import wait_until
 
-from atlantis_netcfg.journal import Store
-from atlantis_netcfg.journal.records import RunEnded
+from atlantis_netcfg.runs import Store
+from atlantis_netcfg.runs.records import RunEnded
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 at = pytest.fixture(fresh_quay)

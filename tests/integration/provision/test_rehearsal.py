@@ -11,8 +11,8 @@ import pytest
 from quay import PROVISION
 
 from atlantis_netcfg.emulator.routeros import NOT_REHEARSED
-from atlantis_netcfg.journal import SiteLock
 from atlantis_netcfg.routeros.assumptions import unconfirmed
+from atlantis_netcfg.runs import SiteLock
 
 ROUTERS = {"scc": "scc-router", "coastal": "coastal-router", "te4sea": "te4sea-router"}
 BEARERS = {

@@ -63,5 +63,5 @@ def test_emulated_routers_import_nothing_of_the_engine() -> None:
     done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
     imported = set(done.stdout.split())
     assert {"atlantis_netcfg.emulator.routeros.router", "atlantis_netcfg.routeros.menus"} <= imported
-    engine = {"atlantis_netcfg.routeros.apply", "atlantis_netcfg.routeros.fleet", "atlantis_netcfg.journal"}
+    engine = {"atlantis_netcfg.routeros.apply", "atlantis_netcfg.routeros.fleet", "atlantis_netcfg.runs"}
     assert imported & engine == set()

@@ -12,7 +12,7 @@ from npk_files import write
 from quay import ADDRESS, ROUTER, Quay, quay
 
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

@@ -11,7 +11,7 @@ import preforked
 import pytest
 from hints_said import advised, said
 
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 
 STRANGER = "203.0.113.3"
 

@@ -14,12 +14,12 @@ from voyage_stand import DECLARATION, UNIT
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.lte.units import emulated_units
 from atlantis_netcfg.operations.qualify.far_end import key_of
 from atlantis_netcfg.qualify.reflector.__main__ import answer_waiting, open_socket
 from atlantis_netcfg.qualify.reflector.answering import Reflector
+from atlantis_netcfg.runs import Store
 from atlantis_netcfg.survey.measure import SurveyPlan
 from atlantis_netcfg.survey.positions import TrackPosition
 from atlantis_netcfg.survey.radio import surveyed_link

@@ -7,7 +7,7 @@ from pathlib import Path
 from atlantis_netcfg.asbuilt.look import JournalFacts
 from atlantis_netcfg.asbuilt.record import DeviceRecord, Fact, Origin, ReadState
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.journal import Outcome, Purpose, RunEnded, RunStarted, Store
+from atlantis_netcfg.runs import Outcome, Purpose, RunEnded, RunStarted, Store
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 ROUTER, SERVER = "coastal-router", "coastal-gateway"

@@ -20,7 +20,7 @@ from atlantis_netcfg.asbuilt.record import (
 )
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.inventory.model import NumberMask
-from atlantis_netcfg.journal import JournalFailed, StateDamaged
+from atlantis_netcfg.runs import JournalFailed, StateDamaged
 
 NUMBER = "001017000001234"
 

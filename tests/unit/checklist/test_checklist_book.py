@@ -33,7 +33,7 @@ from atlantis_netcfg.checklist import Confirmation, NotSigned, Scope, SigningRef
 from atlantis_netcfg.checklist.report import EvidenceType, Phase
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.journal import JournalFailed, SiteBusy
+from atlantis_netcfg.runs import JournalFailed, SiteBusy
 
 
 @pytest.fixture

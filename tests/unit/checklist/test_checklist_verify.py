@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist import Confirmation, SigningKeyDamaged, _signing,
 from atlantis_netcfg.checklist._signing import SigningKey, canonical, digest, parsed, sealed, written
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.runs import write_atomically
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from row_subtests import for_each_row
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS
 from atlantis_netcfg.cli.shell._suggestions import candidates
-from atlantis_netcfg.journal import RunStarted, Store
+from atlantis_netcfg.runs import RunStarted, Store
 
 PROGRAM = (sys.executable, "-P", "-m", "atlantis_netcfg")
 COASTAL = ["coastal-router", "coastal-cpe", "coastal-4g", "coastal-sat", "coastal-gateway"]

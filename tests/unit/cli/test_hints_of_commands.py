@@ -18,8 +18,8 @@ from atlantis_netcfg.cli._commands import COMMANDS
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.journal import RunStarted, Store
-from atlantis_netcfg.report.run import RunReport
+from atlantis_netcfg.runs import RunStarted, Store
+from atlantis_netcfg.runs.report.run import RunReport
 
 ROOT = checkout() / "inventory"
 CHANGING = [name for name in COMMANDS if _commands.load(name, COMMANDS).command.changes]

@@ -12,8 +12,8 @@ from laptop_network import lines
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.journal import Outcome, RunEnded, RunStarted, Store
 from atlantis_netcfg.operations.doctor import folders, keys
+from atlantis_netcfg.runs import Outcome, RunEnded, RunStarted, Store
 
 # --- keys ---------------------------------------------------------------------------------------------------------
 

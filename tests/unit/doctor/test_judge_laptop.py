@@ -16,8 +16,8 @@ from laptop_network import lines
 
 from atlantis_netcfg.core import packages
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.doctor import clock, software
+from atlantis_netcfg.runs import Store
 
 # --- software -----------------------------------------------------------------------------------------------------
 

@@ -7,8 +7,8 @@ import pytest
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.request import Mode
-from atlantis_netcfg.report.drift import DriftReport
 from atlantis_netcfg.routeros.apply import Status
+from atlantis_netcfg.runs.report.drift import DriftReport
 
 FINDING = "the declared firewall is not in force"
 FOUND = {"changed": False, "findings": [FINDING], "hint": "take a newer image"}

@@ -10,7 +10,7 @@ ENTRIES = register()
 NOT_TYPED = 0
 """So many hints are typed by no test yet. It may only fall."""
 OF_RUNS = (
-    *("cli/devices.py", "cli/recovery/resume.py", "cli/recovery/rollback.py", "cli/runs.py", "journal/runs.py"),
+    *("cli/devices.py", "cli/recovery/resume.py", "cli/recovery/rollback.py", "cli/runs.py", "runs/run.py"),
     *("operations/restore.py", "operations/saved_states.py"),
     *("routeros/apply/_state.py", "routeros/apply/_settle.py"),
 )

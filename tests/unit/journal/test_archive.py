@@ -12,7 +12,7 @@ import pytest
 from hints_said import advised
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.journal import KEPT, Outcome, Purpose, RunEnded, RunStarted, Store
+from atlantis_netcfg.runs import KEPT, Outcome, Purpose, RunEnded, RunStarted, Store
 
 STARTED = RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
 opened: list[list[str]] = []

@@ -11,7 +11,10 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.inventory import Declaration, Host
-from atlantis_netcfg.journal import (
+from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.restore import LATEST, confirmed_state
+from atlantis_netcfg.operations.saved_states import hosts_to_restore, saved_run
+from atlantis_netcfg.runs import (
     LayerSent,
     NoSuchRun,
     Outcome,
@@ -23,9 +26,6 @@ from atlantis_netcfg.journal import (
     Store,
     read,
 )
-from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.restore import LATEST, confirmed_state
-from atlantis_netcfg.operations.saved_states import hosts_to_restore, saved_run
 
 AT = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
 

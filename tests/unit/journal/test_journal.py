@@ -17,7 +17,9 @@ from typing import NoReturn
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.journal import (
+from atlantis_netcfg.operations.lte.units import LteResult
+from atlantis_netcfg.routeros import Status
+from atlantis_netcfg.runs import (
     ActionsAcknowledged,
     ActionsConfirmed,
     DeviceObserved,
@@ -50,8 +52,6 @@ from atlantis_netcfg.journal import (
     run_order,
     unrecorded,
 )
-from atlantis_netcfg.operations.lte.units import LteResult
-from atlantis_netcfg.routeros import Status
 
 STARTED = RunStarted(
     site="coastal", revision="ab" * 32, tool="0.1", hosts=("router", "cpe"), rehearsed=False, command="provision"
@@ -478,7 +478,7 @@ def test_a_run_tells_what_was_acknowledged_and_confirmed(store: Store) -> None:
 KILLED = """
 import sys
 from pathlib import Path
-from atlantis_netcfg.journal import ActionsAcknowledged, RunStarted, Store
+from atlantis_netcfg.runs import ActionsAcknowledged, RunStarted, Store
 
 journal = Store(Path(sys.argv[1])).start(
     RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="c"))

@@ -13,12 +13,12 @@ import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.journal import JournalFailed, Pins, PinsDamaged, SiteBusy, Store, write_atomically
+from atlantis_netcfg.runs import JournalFailed, Pins, PinsDamaged, SiteBusy, Store, write_atomically
 
 HOLD = """
 import sys
 from pathlib import Path
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.runs import Store
 
 with Store(Path(sys.argv[1])).lock("coastal", "provision site=coastal"):
     print("held", flush=True)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from atlantis_netcfg.journal import Counters, JournalFailed, MonthBytes, StateDamaged, Store, Usage
+from atlantis_netcfg.runs import Counters, JournalFailed, MonthBytes, StateDamaged, Store, Usage
 
 NOON = datetime(2026, 11, 21, 12, tzinfo=UTC)
 
@@ -145,7 +145,7 @@ WRITER = """
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from atlantis_netcfg.journal import Counters, Store
+from atlantis_netcfg.runs import Counters, Store
 
 usage = Store(Path(sys.argv[1])).usage("coastal")
 for number in range(20):

@@ -19,7 +19,6 @@ from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory import load as load_inventory
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
-from atlantis_netcfg.journal import CostCounted, NoJournal, Record, Store
 from atlantis_netcfg.operations import Mode, Request, Target, site
 from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
@@ -30,6 +29,7 @@ from atlantis_netcfg.operations.site_links import links_of
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
+from atlantis_netcfg.runs import CostCounted, NoJournal, Record, Store
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 ROUTER = "coastal-router"

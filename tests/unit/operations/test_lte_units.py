@@ -14,8 +14,8 @@ import pytest
 from atlantis_netcfg.bearers.lte import rutos_read
 from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
-from atlantis_netcfg.journal import Journal, JournalFailed, Store
 from atlantis_netcfg.operations.lte.run import perform
+from atlantis_netcfg.runs import Journal, JournalFailed, Store
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 NAME = "te4sea-4g"

@@ -11,9 +11,9 @@ from atlantis_netcfg.core.crash_report import Crashed
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations import Request, Target, bearers, site
 from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.runs import NoJournal
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 

@@ -11,9 +11,9 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.journal import StateDamaged, Store
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.operations.terminals import is_terminal, look, perform
+from atlantis_netcfg.runs import StateDamaged, Store
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 BACKUP = b"settings of a terminal"

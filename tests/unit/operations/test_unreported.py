@@ -7,10 +7,10 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.inventory import Declaration
-from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, LayerSent, Outcome, RunResumed, RunStarted, Store
-from atlantis_netcfg.journal.records import Record
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.play_control import other_ends, without_result
+from atlantis_netcfg.runs import ActionsConfirmed, DeviceObserved, LayerSent, Outcome, RunResumed, RunStarted, Store
+from atlantis_netcfg.runs.records import Record
 
 KILLED = "the process that worked on it was killed"
 NAME = "coastal-router"

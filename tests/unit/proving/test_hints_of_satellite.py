@@ -22,12 +22,12 @@ from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import AllowedTarget
-from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.allow_list_test.plan import read
 from atlantis_netcfg.operations.terminals import look
 from atlantis_netcfg.operations.upgrade import _configuration
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.api._tls import check_pin
+from atlantis_netcfg.runs import Store
 
 __all__ = ["laptop"]
 PROVE = ("prove", "site=coastal", "--try-all")

@@ -14,7 +14,6 @@ from tolerances import tolerances
 
 from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.journal import NoSuchRun, StateDamaged, Store
 from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.qualify.grids import SHAPE_UNKNOWN
 from atlantis_netcfg.qualify.judgement import profile
@@ -32,6 +31,7 @@ from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, Selecti
 from atlantis_netcfg.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.qualify.samples import SamplesUnreadable, read
 from atlantis_netcfg.qualify.search import RateLimit
+from atlantis_netcfg.runs import NoSuchRun, StateDamaged, Store
 
 
 def made(text: str, **changes: Any) -> QualifyRecord:  # noqa: ANN401 - fields of MeasuredRun

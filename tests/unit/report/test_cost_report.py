@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from atlantis_netcfg.report.drift import DriftReport
-from atlantis_netcfg.report.run import Pass, RunReport, consent_question, cost_lines
+from atlantis_netcfg.runs.report.drift import DriftReport
+from atlantis_netcfg.runs.report.run import Pass, RunReport, consent_question, cost_lines
 
 COST = {
     "bearer": "satellite",

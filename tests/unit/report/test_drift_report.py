@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.report.drift import DriftReport, junit
+from atlantis_netcfg.runs.report.drift import DriftReport, junit
 
 CONFIRMED = {"run": "RUN", "at": "2026-05-04T03:02:01+00:00"}
 

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.report.links import LinksReport
+from atlantis_netcfg.runs.report.links import LinksReport
 
 
 def bearer(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - any field

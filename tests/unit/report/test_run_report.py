@@ -7,7 +7,7 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import plain
-from atlantis_netcfg.report.run import Pass, RunReport
+from atlantis_netcfg.runs.report.run import Pass, RunReport
 
 
 def result(code: ExitCode, message: str = "done", planned: int = 0) -> dict[str, Any]:

@@ -6,8 +6,8 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import Style, Styled, plain
-from atlantis_netcfg.report.run import Pass, RunReport
-from atlantis_netcfg.report.summary import DeviceEnd, ending, rows_of_plan
+from atlantis_netcfg.runs.report.run import Pass, RunReport
+from atlantis_netcfg.runs.report.summary import DeviceEnd, ending, rows_of_plan
 
 WARNING = "WARN: nobody has looked at the terminal (open its pages)"
 

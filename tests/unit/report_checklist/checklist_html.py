@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.report._texts import uncoded
 from atlantis_netcfg.core.printable import visible
-from atlantis_netcfg.report.drift import clean
+from atlantis_netcfg.runs.report.drift import clean
 
 VOID = frozenset({"meta", "img", "br"})
 SVG_EMPTY = frozenset({"rect", "polyline"})

@@ -1,6 +1,6 @@
 """What other parts may use of the engine and of the journal."""
 
-from atlantis_netcfg import journal, routeros
+from atlantis_netcfg import routeros, runs
 from atlantis_netcfg.routeros import apply, desired, fleet
 
 
@@ -15,9 +15,9 @@ def test_the_surface_of_the_engine() -> None:
 
 
 def test_the_surface_of_the_journal() -> None:
-    assert journal.__all__ == sorted(journal.__all__, key=lambda name: (name.lower() == name, not name.isupper(), name))
-    assert all(hasattr(journal, name) for name in journal.__all__)
+    assert runs.__all__ == sorted(runs.__all__, key=lambda name: (name.lower() == name, not name.isupper(), name))
+    assert all(hasattr(runs, name) for name in runs.__all__)
 
 
 def test_statuses_that_leave_nothing_open_are_those_of_the_engine() -> None:
-    assert {status.value for status in routeros.Status} - journal.SETTLED == {"unknown"}
+    assert {status.value for status in routeros.Status} - runs.SETTLED == {"unknown"}

@@ -9,11 +9,11 @@ import yaml
 from plan_world import POLICIES, observed
 from row_subtests import for_each_row
 
-from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.drift import Comparison, Difference, DriftHistory, DriftKind, Owner, Past, Since, compare
 from atlantis_netcfg.routeros.planner import plan
+from atlantis_netcfg.runs.report.drift import drift_lines
 
 CASES = yaml.safe_load((Path(__file__).parent / "drift_cases.yml").read_text(encoding="utf-8"))
 AT = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)

@@ -8,12 +8,12 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from test_planner_properties import LISTS, declared, device, lists_of
 
-from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import Observed, Verb
 from atlantis_netcfg.routeros.drift import Comparison, DriftKind, Past, Since, compare
 from atlantis_netcfg.routeros.menus import Menu
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
+from atlantis_netcfg.runs.report.drift import drift_lines
 
 AT = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
 EXPORTED = [menu for menu in LISTS if menu.exported]

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames

@@ -24,7 +24,7 @@ from atlantis_netcfg.checklist.report._texts import (
 from atlantis_netcfg.checklist.report._words import circumstances, counts, evidence_groups, headline, signed, title
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.report.page import unread
+from atlantis_netcfg.runs.report.page import unread
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

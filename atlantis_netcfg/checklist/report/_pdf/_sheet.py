@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist.report._texts import PageText, coded, name_of_pag
 from atlantis_netcfg.checklist.report._words import signed
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import visible
-from atlantis_netcfg.report.page import page_language
+from atlantis_netcfg.runs.report.page import page_language
 
 if TYPE_CHECKING:
     from datetime import datetime

@@ -7,9 +7,9 @@ import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.journal.files import StateDamaged
-from atlantis_netcfg.journal.log import FILE, Log, read
-from atlantis_netcfg.journal.records import (
+from atlantis_netcfg.runs.files import StateDamaged
+from atlantis_netcfg.runs.log import FILE, Log, read
+from atlantis_netcfg.runs.records import (
     SETTLED,
     ActionsAcknowledged,
     ActionsConfirmed,

@@ -16,25 +16,17 @@ from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.atomic_files import open_lock, sync_directory, write_atomically
 from atlantis_netcfg.core.eventlog import write_all
-from atlantis_netcfg.journal.files import (
-    NoSuchRun,
-    SiteBusy,
-    component,
-    make_private,
-    new_run,
-    os_errors_as,
-    run_order,
-)
-from atlantis_netcfg.journal.log import Journal, utc_now
-from atlantis_netcfg.journal.pins import Pins
-from atlantis_netcfg.journal.runs import Run, SavedState
-from atlantis_netcfg.journal.usage import Usage
+from atlantis_netcfg.runs.files import NoSuchRun, SiteBusy, component, make_private, new_run, os_errors_as, run_order
+from atlantis_netcfg.runs.log import Journal, utc_now
+from atlantis_netcfg.runs.pins import Pins
+from atlantis_netcfg.runs.run import Run, SavedState
+from atlantis_netcfg.runs.usage import Usage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.journal.records import RunResumed, RunStarted
+    from atlantis_netcfg.runs.records import RunResumed, RunStarted
 
 
 RESULT = "result.json"

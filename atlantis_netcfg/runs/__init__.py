@@ -15,7 +15,7 @@ Everything is readable by its owner only. No record holds a secret: actions arri
 from __future__ import annotations
 
 from atlantis_netcfg.core.atomic_files import sync_directory, write_atomically
-from atlantis_netcfg.journal.files import (
+from atlantis_netcfg.runs.files import (
     JournalFailed,
     NoSuchRun,
     PinsDamaged,
@@ -27,7 +27,7 @@ from atlantis_netcfg.journal.files import (
     run_order,
     unwritable,
 )
-from atlantis_netcfg.journal.log import (
+from atlantis_netcfg.runs.log import (
     NOT_RECORDED,
     Journal,
     Log,
@@ -40,8 +40,8 @@ from atlantis_netcfg.journal.log import (
     unrecorded,
     utc_now,
 )
-from atlantis_netcfg.journal.pins import Pins
-from atlantis_netcfg.journal.records import (
+from atlantis_netcfg.runs.pins import Pins
+from atlantis_netcfg.runs.records import (
     SETTLED,
     ActionsAcknowledged,
     ActionsConfirmed,
@@ -71,9 +71,9 @@ from atlantis_netcfg.journal.records import (
     Unrolled,
     Verified,
 )
-from atlantis_netcfg.journal.runs import Run, SavedState
-from atlantis_netcfg.journal.store import KEPT, DeviceHistory, LockHolder, SiteLock, Store, unfinished
-from atlantis_netcfg.journal.usage import Counters, MonthBytes, Usage
+from atlantis_netcfg.runs.run import Run, SavedState
+from atlantis_netcfg.runs.store import KEPT, DeviceHistory, LockHolder, SiteLock, Store, unfinished
+from atlantis_netcfg.runs.usage import Counters, MonthBytes, Usage
 
 __all__ = [
     "KEPT",

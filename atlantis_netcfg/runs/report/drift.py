@@ -16,7 +16,7 @@ from atlantis_netcfg.core.events import worst as worst_verdict
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.report.run import cost_lines
+from atlantis_netcfg.runs.report.run import cost_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

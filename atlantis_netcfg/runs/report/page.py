@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.language import Language, translate
-from atlantis_netcfg.report.drift import clean
+from atlantis_netcfg.runs.report.drift import clean
 
 _UNREAD: Final = "No native speaker has read this translation yet. What was signed is in English."
 

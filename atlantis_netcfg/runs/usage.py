@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
-from atlantis_netcfg.journal.files import StateDamaged, make_private, os_errors_as
+from atlantis_netcfg.runs.files import StateDamaged, make_private, os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
-from atlantis_netcfg.journal.files import PinsDamaged, make_private, os_errors_as
+from atlantis_netcfg.runs.files import PinsDamaged, make_private, os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

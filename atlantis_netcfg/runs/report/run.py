@@ -9,7 +9,7 @@ from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import Row, Style, Styled
-from atlantis_netcfg.report.summary import DeviceEnd, Summary, ending, rows_of_plan
+from atlantis_netcfg.runs.report.summary import DeviceEnd, Summary, ending, rows_of_plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

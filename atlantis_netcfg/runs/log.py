@@ -15,15 +15,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.eventlog import EventLog, split
-from atlantis_netcfg.journal.files import (
-    JournalFailed,
-    component,
-    make_private,
-    os_errors_as,
-    unwritable,
-    vanished,
-)
-from atlantis_netcfg.journal.records import Record, StateConfirmed, StateSaved
+from atlantis_netcfg.runs.files import JournalFailed, component, make_private, os_errors_as, unwritable, vanished
+from atlantis_netcfg.runs.records import Record, StateConfirmed, StateSaved
 
 if TYPE_CHECKING:
     from collections.abc import Callable
