@@ -12,7 +12,7 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, TwinSpec, spawn
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.render import router
+from atlantis_netcfg.routeros.render import router
 from bench import edits, measure
 from bench.declared import CHECKOUT
 from bench.figures import Crowd

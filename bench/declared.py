@@ -15,9 +15,9 @@ from ansible.parsing.vault import VaultLib, VaultSecret
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.render import router
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros import TwinSpec

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, spawn
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 from atlantis_netcfg.routeros.menus import MENUS
-from atlantis_netcfg.rsc import parse, print_statement
+from atlantis_netcfg.routeros.rsc import parse, print_statement
 from bench import edits, measure, namespace
 from bench.contenders.ours import Ours
 from bench.declared import ROUTER, Declared

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from contextlib import AbstractContextManager
 
-    from atlantis_netcfg.bootstrap.steps import Adopted
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
     from atlantis_netcfg.operations.trust import DeviceIdentity
+    from atlantis_netcfg.routeros.first_contact.steps import Adopted
 
 
 ADOPT = CommandSpec(
@@ -105,9 +105,9 @@ def _adoption(
     import shlex
     import sys
 
-    from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.operations.adoption import SSH, Adoption
+    from atlantis_netcfg.routeros.first_contact.steps import FACTORY_ADDRESS
 
     adoption = Adoption(
         declaration,

@@ -43,7 +43,7 @@ from atlantis_netcfg.inventory.model import (
     TimeServer,
     Transport,
 )
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.gateway.parts import Check, ConvergeStep, File, Unit
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

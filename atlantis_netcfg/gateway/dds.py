@@ -42,7 +42,7 @@ from atlantis_netcfg.inventory.model import (
     RosMiddleware,
     ServerComputer,
 )
-from atlantis_netcfg.render import compiled, environment, template_folder
+from atlantis_netcfg.routeros.render import compiled, environment, template_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.gateway.parts import Configuration, File, Unit
 from atlantis_netcfg.gateway.reflector import taken_away
 from atlantis_netcfg.inventory.model import ServerComputer, VpnServer
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Package, Unit
 from atlantis_netcfg.gateway.services import ENVIRONMENT, VPN_INTERFACE, with_the_vpn
 from atlantis_netcfg.inventory.model import ServerComputer
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host

@@ -22,7 +22,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.de
     WayIn,
 )
 from atlantis_netcfg.inventory.model import AddressBy, NetworkTool, SiteComputer
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.gateway.parts import Brought, Check, ConvergeStep, File, Package, Unit
 from atlantis_netcfg.inventory import channels
 from atlantis_netcfg.inventory.model import Gateway, SeenFrom, WifiRole
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

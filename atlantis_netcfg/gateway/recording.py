@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Unit, run_on
 from atlantis_netcfg.gateway.services import StartedService, runs_with_the_vpn, with_the_vpn
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory.model import Recording

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Unit
 from atlantis_netcfg.gateway.services import HOLDS_PORT
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ServerComputer
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Host

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Unit, run_on
 from atlantis_netcfg.inventory.model import COLLECTED, RetrievalRobot, ServerComputer
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host

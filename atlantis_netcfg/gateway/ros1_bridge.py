@@ -19,7 +19,7 @@ from atlantis_netcfg.gateway.services import (
     with_the_vpn,
 )
 from atlantis_netcfg.inventory.model import ROS1_BRIDGE
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory.model import Ros1Bridge

@@ -41,7 +41,7 @@ from atlantis_netcfg.inventory.model import (
     RosOrigin,
     ServerComputer,
 )
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

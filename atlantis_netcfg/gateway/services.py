@@ -16,7 +16,7 @@ from atlantis_netcfg.gateway import containers
 from atlantis_netcfg.gateway.containers import PodmanContainer
 from atlantis_netcfg.gateway.parts import Brought, Check, Configuration, ConvergeStep, Directory, File, Unit, run_on
 from atlantis_netcfg.inventory.model import ROS1_BRIDGE, ServiceContainer
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -8,16 +8,22 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.bootstrap.run import FirstContact, features_of
-from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, Adopted, AdoptionStatus, AdoptionTarget, ConsoleRoute
-from atlantis_netcfg.console.ssh import host_key_of, open_ssh
-from atlantis_netcfg.console.terminal import open_serial
-from atlantis_netcfg.console.types import Console, ConsoleUnreachable
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, complete
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.routeros.api import Endpoint, Session, Unreachable
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.routeros.console.ssh import host_key_of, open_ssh
+from atlantis_netcfg.routeros.console.terminal import open_serial
+from atlantis_netcfg.routeros.console.types import Console, ConsoleUnreachable
+from atlantis_netcfg.routeros.first_contact.run import FirstContact, features_of
+from atlantis_netcfg.routeros.first_contact.steps import (
+    FACTORY_ADDRESS,
+    Adopted,
+    AdoptionStatus,
+    AdoptionTarget,
+    ConsoleRoute,
+)
+from atlantis_netcfg.routeros.rsc import parse
 from atlantis_netcfg.runs import (
     NOT_RECORDED,
     ContactStep,

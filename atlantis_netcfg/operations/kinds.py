@@ -27,7 +27,7 @@ from atlantis_netcfg.inventory.model import (
     Switch,
     SwitchPort,
 )
-from atlantis_netcfg.render import (
+from atlantis_netcfg.routeros.render import (
     Prerequisite,
     cpe,
     cpe_prerequisites,

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
-from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
@@ -40,6 +39,7 @@ from atlantis_netcfg.operations.lte.units import EmulatedUnit, emulated_units, n
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.schedule import members_of, with_other_ends
 from atlantis_netcfg.routeros.assumptions import unconfirmed
+from atlantis_netcfg.routeros.first_contact.steps import FACTORY_ADDRESS, FACTORY_USER
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence

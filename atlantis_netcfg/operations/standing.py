@@ -42,7 +42,7 @@ from atlantis_netcfg.inventory import Finding
 from atlantis_netcfg.inventory.model import ControlCentre, DdsPath, Gateway, Router, Switch
 from atlantis_netcfg.inventory.rules.satellite import BUDGET_HINT
 from atlantis_netcfg.operations.site_links import links_of
-from atlantis_netcfg.render import router_view
+from atlantis_netcfg.routeros.render import router_view
 from atlantis_netcfg.vpn.client import site_link
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, ROUTEROS_RENEGOTIATION_S, TIMERS
 
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.gateway.dds import ProfileView
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.inventory.model import Bearer, TelemetryTopic
-    from atlantis_netcfg.render.view import Uplink
+    from atlantis_netcfg.routeros.render.view import Uplink
 
 _CHECK_GATEWAY_S: Final = 10.0
 """How often `check-gateway=ping` asks, on links that cost nothing (MikroTik manual, IP Routing)."""

@@ -10,7 +10,6 @@ from enum import Enum
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.bearers.lte import rutos_client
-from atlantis_netcfg.console.ssh import host_key_of
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
@@ -20,6 +19,7 @@ from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.routeros.api import certificate_of
+from atlantis_netcfg.routeros.console.ssh import host_key_of
 from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bearers.cost import MeteredLink, Preview, preview
-from atlantis_netcfg.console.ssh import upload
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, OutcomeUnknown, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
@@ -28,6 +27,7 @@ from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, SessionLost
 from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, SshEndpoint, Status, converge
+from atlantis_netcfg.routeros.console.ssh import upload
 from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
 from atlantis_netcfg.routeros.packages import Installed, Npk, RouterOsPackage, Upgrade, plan, read_npk
 from atlantis_netcfg.runs import (

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.rsc import Statement
+    from atlantis_netcfg.routeros.rsc import Statement
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.routeros._types import Action, Row, Verb
 from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, Shape, canonical
-from atlantis_netcfg.rsc import in_quotes, quote
+from atlantis_netcfg.routeros.rsc import in_quotes, quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._items import Desired, Mistake, RowItem, RunTime, item_of, known_menu, near
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
-from atlantis_netcfg.rsc import Statement, parse
+from atlantis_netcfg.routeros.rsc import Statement, parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

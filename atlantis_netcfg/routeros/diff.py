@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.routeros.menus import Field, Menu, PropertyKind, Shape, canonical
-from atlantis_netcfg.rsc import Statement, print_statement
+from atlantis_netcfg.routeros.rsc import Statement, print_statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -23,7 +23,7 @@ from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.diff import added_row, existing_row
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, PropertyKind, Shape, canonical, rank
 from atlantis_netcfg.routeros.planner import as_renamed
-from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.routeros.rsc import quote
 
 if TYPE_CHECKING:
     from datetime import datetime

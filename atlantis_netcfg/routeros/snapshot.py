@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros.desired import from_export
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, PropertyKind, Shape, canonical, rank
-from atlantis_netcfg.rsc import Export, Statement, parse, print_export
+from atlantis_netcfg.routeros.rsc import Export, Statement, parse, print_export
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

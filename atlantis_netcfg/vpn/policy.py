@@ -15,7 +15,7 @@ from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory.model import ControlCentre, Dds, DdsPath, Gateway, LanBox, Router, ServerComputer
-from atlantis_netcfg.render import environment, nft_comment
+from atlantis_netcfg.routeros.render import environment, nft_comment
 from atlantis_netcfg.vpn.identity import Member, MemberKind, MembershipList
 
 if TYPE_CHECKING:

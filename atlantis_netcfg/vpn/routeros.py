@@ -15,8 +15,8 @@ from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory.model import Transport
-from atlantis_netcfg.render import environment, router_view
-from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.routeros.render import environment, router_view
+from atlantis_netcfg.routeros.rsc import quote
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -23,9 +23,9 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, User, WireBehaviour, spawn
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Status, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
+from atlantis_netcfg.routeros.render import router
 
 ROOT = Path(__file__).resolve().parents[2]
 STRANGERS = ROOT / ".venv-strangers"

@@ -6,7 +6,7 @@ import pytest
 from intent import MENUS, NOT_IN_COMMUNITY, PINGS, TAMPERED, is_put_right, shortfalls
 from stand import PRESENT, STRANGER, Stand, stand
 
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.routeros.rsc import parse
 from playbooks import intent_tasks, path_of, play
 
 pytestmark = [PRESENT, pytest.mark.slow]

@@ -7,7 +7,7 @@ import pytest
 from intent import TAMPERED, is_put_right
 from stand import PRESENT, Stand, stand
 
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.routeros.rsc import parse
 
 pytestmark = [PRESENT, pytest.mark.slow]
 

@@ -16,7 +16,7 @@ from atlantis_netcfg.emulator.routeros.console.run import run_file, run_script
 from atlantis_netcfg.emulator.routeros.menus import BUILT_IN, INTERFACES, MODELLED, EmulatedMenu, Shape
 from atlantis_netcfg.emulator.routeros.store import StoredItem
 from atlantis_netcfg.emulator.routeros.values import reference, seconds, spell
-from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.routeros.rsc import quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

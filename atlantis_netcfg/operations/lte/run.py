@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bearers.lte import Registration, rutos_client, rutos_settings
 from atlantis_netcfg.bearers.lte.judge import quality
-from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete, worst
 from atlantis_netcfg.core.events import Event, Stage, Verdict
@@ -26,6 +25,7 @@ from atlantis_netcfg.operations.kinds import is_unit
 from atlantis_netcfg.operations.lte.units import FINE, LteResult, LteUnit, NotRehearsed, UnitStatus, words
 from atlantis_netcfg.operations.request import Mode, Request, declaration_of, open_request, refuse_examples
 from atlantis_netcfg.routeros.apply import Status
+from atlantis_netcfg.routeros.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.runs import (
     NOT_RECORDED,
     ActionsConfirmed,
@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bearers.lte.rutos_settings import SettingChange
-    from atlantis_netcfg.console.ssh import Commands
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.request import EventStream
+    from atlantis_netcfg.routeros.console.ssh import Commands
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.bearers.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
 from atlantis_netcfg.bearers.lte import judge as record
 from atlantis_netcfg.bearers.lte.judge import LteExpected, judge
-from atlantis_netcfg.console.ssh import Commands, open_commands
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Subscriber, Verdict
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.inventory.model import LteAccess, LteDriver, LteRouter
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.terminals import TriedPin
+from atlantis_netcfg.routeros.console.ssh import Commands, open_commands
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -11,9 +11,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.console.types import Console, ConsoleUnreachable, SafeModeHeld
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command, Refused, Reply, SessionLost
+from atlantis_netcfg.routeros.console.types import Console, ConsoleUnreachable, SafeModeHeld
 from atlantis_netcfg.routeros.safe_mode import Holder, NoSafeMode, ProtectionLost, held_by
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.menus import MENUS, Menu
 from atlantis_netcfg.routeros.planner import CannotPlan, after, plan, simulate
-from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.routeros.rsc import quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -15,10 +15,10 @@ from atlantis_netcfg.routeros.api import Endpoint, Session, Traffic
 from atlantis_netcfg.runs import NoJournal, Recorder, SavedState
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Drift, Facts, Observed, PortCounts
+    from atlantis_netcfg.routeros.console.types import Console
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
 from typing import TYPE_CHECKING
@@ -119,7 +119,7 @@ OpenConsole = Callable[[SshEndpoint], "Console"]
 
 def open_console(endpoint: SshEndpoint) -> Console:
     """Log in over SSH; blocks. Raises what `console.open_ssh` raises."""
-    from atlantis_netcfg.console.ssh import open_ssh  # noqa: PLC0415 - the SSH client is heavy, and seldom needed
+    from atlantis_netcfg.routeros.console.ssh import open_ssh  # noqa: PLC0415 - the SSH client is heavy, and seldom needed
 
     traffic = Traffic()
     endpoint.opening(traffic)

@@ -22,7 +22,7 @@ from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.gateway.dds import MemberDds, ProfileView, member_files, member_view
 from atlantis_netcfg.gateway.services import PROFILES
 from atlantis_netcfg.inventory.model import Pace
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 from atlantis_netcfg.vpn import routeros, systems
 from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared
 from atlantis_netcfg.vpn.identity import ClientSystem, Identity, Member, MemberKind, MemberLink, MembershipList, Wrap

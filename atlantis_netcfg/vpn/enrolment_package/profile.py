@@ -26,7 +26,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat,
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import Transport, VpnServer
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.routeros.render import environment
 from atlantis_netcfg.vpn.identity import (
     RENEGOTIATION_S,
     Certificate,

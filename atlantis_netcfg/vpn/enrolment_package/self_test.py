@@ -11,7 +11,7 @@ import json
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from atlantis_netcfg.inventory.model import Transport
-from atlantis_netcfg.render import template_folder
+from atlantis_netcfg.routeros.render import template_folder
 from atlantis_netcfg.vpn.enrolment_package.page import WAIT_S, dds_port, reach, tunnel_of_server
 from atlantis_netcfg.vpn.enrolment_package.profile import remote
 

@@ -9,11 +9,11 @@ from carton import ROUTER, Carton, adopted_export, carton
 from hints_said import advised, said
 from test_hints_of_vpn import Laptop, laptop
 
-from atlantis_netcfg.bootstrap import steps
-from atlantis_netcfg.bootstrap.run import CutOff, NotFactoryFresh, PreflightRefused, StillToMove
-from atlantis_netcfg.console.types import HostKeyChanged, LoginFailed
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.emulator.routeros import DeviceMode, DeviceModeName, User
+from atlantis_netcfg.routeros.console.types import HostKeyChanged, LoginFailed
+from atlantis_netcfg.routeros.first_contact import steps
+from atlantis_netcfg.routeros.first_contact.run import CutOff, NotFactoryFresh, PreflightRefused, StillToMove
 from atlantis_netcfg.runs import ContactStep, ContactStepDone, Outcome, Pinned, Store
 
 __all__ = ["laptop"]

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 from carton import QUICK, declaration
 
-from atlantis_netcfg.bootstrap.run import PreflightRefused
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
 from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
 from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
+from atlantis_netcfg.routeros.first_contact.run import PreflightRefused
 
 pytestmark = pytest.mark.slow
 CPE, ADDRESS = "coastal-cpe", "10.10.0.4"

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from carton import CHANGES, ROUTER, Carton, adopted_export, carton
 
-from atlantis_netcfg.console.terminal import Terminal
-from atlantis_netcfg.console.types import ConsoleLost
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.routeros.console.terminal import Terminal
+from atlantis_netcfg.routeros.console.types import ConsoleLost
 
 pytestmark = pytest.mark.slow
 

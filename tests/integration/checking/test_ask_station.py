@@ -19,7 +19,7 @@ from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Cpe, PtpProtocol, RadioMenus, WifiEndpoint
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.render import cpe
+from atlantis_netcfg.routeros.render import cpe
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 POINT, STATION, VEHICLE = "scc-cpe", "coastal-cpe", "zarco"

@@ -28,13 +28,13 @@ from matrix_stand import NET, Vpn, vpn
 from nft_translation import translate
 from waiting import HANG_S, wait_until
 
-from atlantis_netcfg import rsc
 from atlantis_netcfg.gateway import base
 from atlantis_netcfg.gateway.dds import TUNING, profile_in_use, profile_views, profiles
 from atlantis_netcfg.gateway.dds_link import SERVICE, dds_link
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, Pace, RosDistribution, RosMiddleware
-from atlantis_netcfg.render import RouterView, router, router_view
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.render import RouterView, router, router_view
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

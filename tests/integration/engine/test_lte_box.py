@@ -23,8 +23,8 @@ from atlantis_netcfg.emulator.routeros.control import obey
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.links.session import ReadOnlySession
 from atlantis_netcfg.operations.links.status import modem_reading
-from atlantis_netcfg.render import lte
 from atlantis_netcfg.routeros import JobMode, desired
+from atlantis_netcfg.routeros.render import lte
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 HOST = DECLARATION.hosts["coastal-4g"]

@@ -11,8 +11,8 @@ from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink, 
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.render import router
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
+from atlantis_netcfg.routeros.render import router
 
 RTT_S = 0.7
 ROUTERS = ("coastal-router", "scc-router", "te4sea-router")

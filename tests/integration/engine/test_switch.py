@@ -11,8 +11,8 @@ from engine_bench import Bench, on
 from atlantis_netcfg.emulator.routeros import ManagementSpec, Radio
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Switch
-from atlantis_netcfg.render import switch
 from atlantis_netcfg.routeros import Status
+from atlantis_netcfg.routeros.render import switch
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 PORTS = ("ether1", "ether2", "ether3")

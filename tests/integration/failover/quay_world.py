@@ -11,7 +11,7 @@ from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import DeviceMode
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.render import router
+from atlantis_netcfg.routeros.render import router
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 STEP_S = 1.0

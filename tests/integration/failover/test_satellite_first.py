@@ -11,11 +11,11 @@ import pytest
 import yaml
 from quay_world import INVENTORY, World, shipped
 
-from atlantis_netcfg import rsc
 from atlantis_netcfg.bearers.standing import TrafficSource
 from atlantis_netcfg.inventory import InventoryInvalid, load
 from atlantis_netcfg.operations.standing import standing_traffic
-from atlantis_netcfg.render import router, router_view
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.render import router, router_view
 
 sys.path.append(str(Path(__file__).parents[2] / "unit" / "render"))
 from render_walk import Packet, Walk

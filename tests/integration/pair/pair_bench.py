@@ -29,7 +29,7 @@ from atlantis_netcfg.emulator.routeros import (
 )
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
-from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.routeros.rsc import quote
 from atlantis_netcfg.runs import Journal, RunStarted, Store
 
 T = TypeVar("T")

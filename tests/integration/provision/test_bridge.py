@@ -17,7 +17,7 @@ from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal, site_spec
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.site import perform
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.routeros.rsc import parse
 from atlantis_netcfg.runs import RunResumed, SiteLock, Store
 
 CHECKOUT = Path(__file__).resolve().parents[3]

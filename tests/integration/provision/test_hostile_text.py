@@ -31,7 +31,7 @@ from vpn_desk import NOBODY, PASSPHRASE, over_a_pipe
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
-from atlantis_netcfg.console.terminal import Terminal
+from atlantis_netcfg.routeros.console.terminal import Terminal
 from atlantis_netcfg.runs import Store
 
 CODES = frozenset({0, 2, 4, 5, 6})

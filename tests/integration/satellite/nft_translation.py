@@ -9,7 +9,7 @@ Not translated: disabled rows, which the desired text has none of, and mangle, w
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from atlantis_netcfg.rsc import Export, Statement
+from atlantis_netcfg.routeros.rsc import Export, Statement
 
 FILTER, NAT = "/ip/firewall/filter", "/ip/firewall/nat"
 _HOOKS = {

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from atlantis_netcfg import rsc
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.render import RouterView, router, router_view
-from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.render import RouterView, router, router_view
+from atlantis_netcfg.routeros.rsc import Export
 
 SITES = ("coastal", "te4sea")
 

@@ -23,8 +23,8 @@ import pytest
 from nft_translation import translate
 from waiting import HANG_S
 
-from atlantis_netcfg.render import RouterView
-from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.routeros.render import RouterView
+from atlantis_netcfg.routeros.rsc import Export
 
 WORLD = ("203.0.113.2", "203.0.113.3", "192.0.2.123", "192.0.2.124", "192.0.2.50", "198.51.100.99", "8.8.8.8")
 """Addresses of every world: those of the example inventory, a stranger's, and one for a person's addition."""

@@ -10,7 +10,7 @@ from satellite_rendered import SITES, rendered
 from satellite_stage import PARTNER, ROBOT, WORLD, Seen, Stage, send_echo, send_syn, send_udp, stage, token
 from waiting import HANG_S
 
-from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.routeros.rsc import Export
 
 pytestmark = pytest.mark.namespace
 

@@ -14,7 +14,7 @@ from nft_translation import translate
 from satellite_rendered import SITES, rendered
 from satellite_stage import ROBOT, Stage, send_udp, stage, token
 
-from atlantis_netcfg import rsc
+from atlantis_netcfg.routeros import rsc
 
 sys.path.append(str(Path(__file__).parents[2] / "unit" / "render"))
 from collections.abc import Iterator

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from npk_files import write
 
-from atlantis_netcfg.console.types import HostKeyChanged, UnknownHostKey
 from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User, WireBehaviour
@@ -19,6 +18,7 @@ from atlantis_netcfg.operations import upgrade as upgrade_module
 from atlantis_netcfg.operations.upgrade import SeenPackages, Upgrading, WaitingUpgrade
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import SshEndpoint
+from atlantis_netcfg.routeros.console.types import HostKeyChanged, UnknownHostKey
 from atlantis_netcfg.routeros.packages import UpgradeRefused, read_npk
 from atlantis_netcfg.runs import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
 

@@ -16,7 +16,7 @@ from local_link import LocalLink
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import ServerRefused
 from atlantis_netcfg.operations.vpn.server_state import PLACE
-from atlantis_netcfg.render import template_folder
+from atlantis_netcfg.routeros.render import template_folder
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT
 
 pytestmark = pytest.mark.namespace

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from waiting import HANG_S
 
-from atlantis_netcfg.console.types import WireLost
+from atlantis_netcfg.routeros.console.types import WireLost
 
 ERROR = "\0"
 """Before an answer of the table: the line stops there."""

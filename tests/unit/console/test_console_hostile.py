@@ -9,11 +9,11 @@ import paramiko
 import pytest
 from paramiko.common import AUTH_SUCCESSFUL, OPEN_SUCCEEDED
 
-from atlantis_netcfg.console import ssh
-from atlantis_netcfg.console.ssh import fingerprint, host_key_of, open_commands
-from atlantis_netcfg.console.terminal import MOST, TerminalScreen
-from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.routeros.console import ssh
+from atlantis_netcfg.routeros.console.ssh import fingerprint, host_key_of, open_commands
+from atlantis_netcfg.routeros.console.terminal import MOST, TerminalScreen
+from atlantis_netcfg.routeros.console.types import ConsoleLost, ConsoleUnreachable
 
 KEY = paramiko.ECDSAKey.generate()
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from atlantis_netcfg.console.terminal import TerminalScreen
-from atlantis_netcfg.console.types import parse_rows
+from atlantis_netcfg.routeros.console.terminal import TerminalScreen
+from atlantis_netcfg.routeros.console.types import parse_rows
 
 SAID = [
     (b"plain\r\ntwo", ["plain", "two"]),

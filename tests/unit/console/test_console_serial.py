@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from desk import Desk, DeskLine
 
-from atlantis_netcfg.console.terminal import open_serial
-from atlantis_netcfg.console.types import ConsoleUnreachable, LoginFailed
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.routeros.console.terminal import open_serial
+from atlantis_netcfg.routeros.console.types import ConsoleUnreachable, LoginFailed
 
 WORD = "sticker"
 

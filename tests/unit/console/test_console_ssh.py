@@ -9,10 +9,16 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.console.ssh import open_ssh, upload
-from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable, HostKeyChanged, LoginFailed, UnknownHostKey
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+from atlantis_netcfg.routeros.console.ssh import open_ssh, upload
+from atlantis_netcfg.routeros.console.types import (
+    ConsoleLost,
+    ConsoleUnreachable,
+    HostKeyChanged,
+    LoginFailed,
+    UnknownHostKey,
+)
 
 WORD = Secret("pa$$ \"w\\ord'")
 
@@ -99,8 +105,8 @@ def test_nobody_there() -> None:
 def test_a_server_that_is_none_leaves_no_traceback_on_the_screen() -> None:
     program = """
 import socket, threading
-from atlantis_netcfg.console.ssh import open_ssh
-from atlantis_netcfg.console.types import ConsoleUnreachable
+from atlantis_netcfg.routeros.console.ssh import open_ssh
+from atlantis_netcfg.routeros.console.types import ConsoleUnreachable
 from atlantis_netcfg.core.secret import Secret
 door = socket.create_server(("127.0.0.1", 0))
 threading.Thread(target=lambda: door.accept()[0].close(), daemon=True).start()

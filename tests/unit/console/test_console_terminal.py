@@ -3,9 +3,9 @@
 import pytest
 from desk import ERROR, Desk, DeskWire
 
-from atlantis_netcfg.console.terminal import Terminal
-from atlantis_netcfg.console.types import ConsoleLost, ConsoleRefused, LoginFailed, SafeModeHeld
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.routeros.console.terminal import Terminal
+from atlantis_netcfg.routeros.console.types import ConsoleLost, ConsoleRefused, LoginFailed, SafeModeHeld
 
 PIECES = pytest.mark.parametrize("piece", [1, 7, 65536])
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
-from atlantis_netcfg.bootstrap.steps import CLEARED, AdoptionTarget, BoxFacts
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.routeros.first_contact.steps import CLEARED, AdoptionTarget, BoxFacts
+from atlantis_netcfg.routeros.rsc import parse
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 PORTS = tuple(f"ether{number}" for number in range(1, 9))

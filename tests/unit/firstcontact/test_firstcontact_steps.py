@@ -6,8 +6,16 @@ from datetime import UTC, datetime
 import pytest
 from found import DEFAULTS, NOW, WISH, adopted, facts
 
-from atlantis_netcfg.bootstrap.steps import CLEARED, DeviceState, clear, close_door, foreign, prepare, recognise
 from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.routeros.first_contact.steps import (
+    CLEARED,
+    DeviceState,
+    clear,
+    close_door,
+    foreign,
+    prepare,
+    recognise,
+)
 
 ALTERNATIVES = "subject-alt-name=IP:10.64.101.1,DNS:coastal-router"
 KEY = "key-size=2048 days-valid=3650 key-usage=digital-signature,key-encipherment,tls-server"

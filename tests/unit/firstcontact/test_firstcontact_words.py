@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from found import WISH, facts
 
-from atlantis_netcfg.bootstrap.run import Objection, features_of, objections
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.routeros.first_contact.run import Objection, features_of, objections
+from atlantis_netcfg.routeros.rsc import parse
 
 GOLDEN = Path(__file__).with_name("golden")
 HOME = {"mode": "home", "flagged": "false", "scheduler": "false", "proxy": "false"}

@@ -18,10 +18,10 @@ from atlantis_netcfg.bearers.lte.rutos_settings import (
     parse_show,
     pin_held,
 )
-from atlantis_netcfg.console.ssh import open_commands
-from atlantis_netcfg.console.types import HostKeyChanged, LoginFailed, UnknownHostKey
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSpec
+from atlantis_netcfg.routeros.console.ssh import open_commands
+from atlantis_netcfg.routeros.console.types import HostKeyChanged, LoginFailed, UnknownHostKey
 
 HOME = LteReading(source="rutos", state=Registration.REGISTERED_HOME, sim_slot=1)
 LOCKED = LteReading(source="rutos", state=Registration.SIM_PIN_REQUIRED, sim_slot=1, pin_tries_left=3)

@@ -17,7 +17,6 @@ from atlantis_netcfg.bearers.satellite import Attempt, Expected, ProbeOutcome, S
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe
 from atlantis_netcfg.checklist.probes.step import AllowListTestResult
 from atlantis_netcfg.cli import _output
-from atlantis_netcfg.console.ssh import PinnedKey
 from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
@@ -27,6 +26,7 @@ from atlantis_netcfg.operations.terminals import look
 from atlantis_netcfg.operations.upgrade import _configuration
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.api._tls import check_pin
+from atlantis_netcfg.routeros.console.ssh import PinnedKey
 from atlantis_netcfg.runs import Store
 
 __all__ = ["laptop"]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from ipaddress import IPv4Network, ip_address, ip_interface, ip_network
 
-from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.routeros.rsc import Export
 
 BLACKHOLE = "blackhole"
 _LEAVES = re.compile(r'/ip route set \[find comment="([^"]+)"\] distance=(\d+)')

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address, ip_network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.rsc import Export, Statement
+from atlantis_netcfg.routeros.rsc import Export, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

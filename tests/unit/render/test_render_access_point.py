@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 from render_declared import declaration
 
-from atlantis_netcfg import rsc
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.spec import Environment, NearbyStation, Radio
 from atlantis_netcfg.inventory.model import Router, RouterAccessPoint
-from atlantis_netcfg.render import router
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.render import router
 
 DRIVERS = {"wifi": ("wifi-qcom", "wifi1"), "wireless": ("wireless", "wlan1")}
 KEY = "EXAMPLE-coastal-access-point"

@@ -3,9 +3,9 @@
 import pytest
 from render_declared import Declaration, declaration, with_site
 
-from atlantis_netcfg import rsc
 from atlantis_netcfg.inventory.model import TrafficClass
-from atlantis_netcfg.render import router, router_view
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.render import router, router_view
 
 DECLARED = declaration()
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from jinja2 import Environment, FileSystemLoader
 
-from atlantis_netcfg.render import compiled
+from atlantis_netcfg.routeros.render import compiled
 
 
 @pytest.fixture

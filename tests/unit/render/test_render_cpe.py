@@ -9,12 +9,11 @@ import pytest
 from render_declared import GOLDEN, Declaration, declaration
 from render_walk import Packet, Walk
 
-from atlantis_netcfg import rsc
 from atlantis_netcfg.inventory.model import Cpe, Ptp, PtpProtocol
 from atlantis_netcfg.operations.kinds import ManagedCpe, families
-from atlantis_netcfg.render import RenderError, cpe, cpe_prerequisites, cpe_view
-from atlantis_netcfg.routeros import desired
-from atlantis_netcfg.rsc import Export
+from atlantis_netcfg.routeros import desired, rsc
+from atlantis_netcfg.routeros.render import RenderError, cpe, cpe_prerequisites, cpe_view
+from atlantis_netcfg.routeros.rsc import Export
 
 ENDS = ("scc-cpe", "coastal-cpe")
 FAMILIES = ("wireless", "wifi")

@@ -7,7 +7,7 @@ from render_declared import SITES, declaration, with_site
 from render_routes import BLACKHOLE, Router, World
 from test_render_text import parsed
 
-from atlantis_netcfg.render import router_view
+from atlantis_netcfg.routeros.render import router_view
 
 INTERNET = "93.184.216.34"
 PTP = frozenset({"198.51.100.11", "198.51.100.12"})

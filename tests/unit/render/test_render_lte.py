@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from render_declared import GOLDEN, Host, declaration
 from render_walk import Packet, Walk
 
-from atlantis_netcfg import rsc
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, ModemSpec, RouterSpec
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Sim
-from atlantis_netcfg.render import RenderError, environment, lte, lte_prerequisites, lte_view
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.render import RenderError, environment, lte, lte_prerequisites, lte_view
 
 DECLARED = declaration()
 BOX = DECLARED.hosts["coastal-4g"]

@@ -5,7 +5,7 @@ from render_declared import SITES
 from test_render_text import parsed
 
 from atlantis_netcfg.routeros.planner._firstmatch import Rule, insertion
-from atlantis_netcfg.rsc import Statement
+from atlantis_netcfg.routeros.rsc import Statement
 
 BUILT_IN = {
     "interface": {*(f"ether{number}" for number in range(1, 9)), "wifi1"},

@@ -14,7 +14,7 @@ from test_render_text import parsed
 
 from atlantis_netcfg.inventory.model import AllowedTarget, BearerKind, Router
 from atlantis_netcfg.inventory.satellite_allow_list import allowed as admitted
-from atlantis_netcfg.render import router_view
+from atlantis_netcfg.routeros.render import router_view
 
 STATES = ("new", "established", "related", "invalid", "untracked")
 WITH_SATELLITE = ("coastal", "te4sea")

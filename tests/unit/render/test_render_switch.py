@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from render_declared import Declaration, Host, declaration, with_site
 
-from atlantis_netcfg import rsc
 from atlantis_netcfg.inventory.model import Switch
-from atlantis_netcfg.render import RenderError, router, switch
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.render import RenderError, router, switch
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.rsc import Export
+    from atlantis_netcfg.routeros.rsc import Export
 
 RADIO = {
     "ssid": "EXAMPLE-BUOY",

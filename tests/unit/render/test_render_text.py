@@ -7,10 +7,10 @@ from pydantic import TypeAdapter
 from render_declared import GOLDEN, SITES, Declaration, declaration, with_router, with_site
 
 import atlantis_netcfg
-from atlantis_netcfg import render, rsc
 from atlantis_netcfg.inventory.model import Forward, Router, Transport
 from atlantis_netcfg.inventory.satellite_allow_list import derived
-from atlantis_netcfg.render import (
+from atlantis_netcfg.routeros import render, rsc
+from atlantis_netcfg.routeros.render import (
     Prerequisite,
     RenderError,
     environment,
@@ -19,7 +19,7 @@ from atlantis_netcfg.render import (
     router_view,
     template_folder,
 )
-from atlantis_netcfg.render._environment import MARK, duration
+from atlantis_netcfg.routeros.render._environment import MARK, duration
 
 WITHOUT_COMMENT = {"/system/logging", "/system/logging/action"}
 ENTIRE = (
@@ -182,7 +182,7 @@ def test_a_misspelt_name_is_an_error(tmp_path: Path) -> None:
 
 def test_templates_are_found_beside_the_package_or_inside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (template_folder() / "routeros" / "router.rsc.j2").is_file()
-    monkeypatch.setattr("atlantis_netcfg.render._environment.checkout", lambda: tmp_path)
+    monkeypatch.setattr("atlantis_netcfg.routeros.render._environment.checkout", lambda: tmp_path)
     assert template_folder() == Path(atlantis_netcfg.__file__).parent / "templates"
 
 

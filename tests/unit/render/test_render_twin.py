@@ -7,13 +7,13 @@ import pytest
 from render_declared import SITES, declaration
 from test_render_text import parsed
 
-from atlantis_netcfg import rsc
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.spec import Radio
 from atlantis_netcfg.inventory.model import Router
-from atlantis_netcfg.render import prerequisites
-from atlantis_netcfg.rsc import Statement
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.render import prerequisites
+from atlantis_netcfg.routeros.rsc import Statement
 
 VERSIONS = ("7.18.2", "7.21.5")
 DECLARED = declaration()

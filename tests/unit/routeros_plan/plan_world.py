@@ -4,7 +4,7 @@ from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Facts, Observed, Plan, Row
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.menus import MENUS
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.routeros.rsc import parse
 
 POLICIES = frozenset({"local", "ssh", "reboot", "read", "write", "policy", "test", "password", "sensitive", "api"})
 

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.routeros._types import Action, Layer, Verb
 from atlantis_netcfg.routeros.commands import console, sentence
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.routeros.rsc import parse
 
 
 def action(menu: str, verb: Verb, **kwargs: object) -> Action:

@@ -14,7 +14,7 @@ from atlantis_netcfg.routeros._types import Action, Layer, Verb
 from atlantis_netcfg.routeros.api import Reply, Trap
 from atlantis_netcfg.routeros.commands import ENUMERATIONS, ROOM, Examination, script
 from atlantis_netcfg.routeros.menus import MENUS
-from atlantis_netcfg.rsc import unquote
+from atlantis_netcfg.routeros.rsc import unquote
 
 CORE = Device(RouterSpec(name="router"), lambda: 1000.0)._core
 LINES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1) | st.text(

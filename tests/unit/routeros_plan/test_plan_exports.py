@@ -10,7 +10,7 @@ from atlantis_netcfg.routeros._types import Observed, Row
 from atlantis_netcfg.routeros.desired import from_export
 from atlantis_netcfg.routeros.menus import MENUS, Menu
 from atlantis_netcfg.routeros.planner import plan
-from atlantis_netcfg.rsc import Statement, parse
+from atlantis_netcfg.routeros.rsc import Statement, parse
 
 ROOT = Path(__file__).parents[3]
 FOLDERS = (

@@ -7,11 +7,11 @@ import pytest
 from plan_world import facts, lines, observed, rows
 from row_subtests import for_each_row
 
-from atlantis_netcfg.bootstrap import run
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.routeros._items import Desired, RowItem
 from atlantis_netcfg.routeros._types import Observed
 from atlantis_netcfg.routeros.desired import read
+from atlantis_netcfg.routeros.first_contact import run
 from atlantis_netcfg.routeros.menus import MENUS, Shape
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 from atlantis_netcfg.vpn import routeros as vpn
@@ -77,8 +77,8 @@ COMPARES = re.compile(
 )
 REFUSALS = {
     "operations/doctor/software.py": "tests/unit/doctor: versions of packages, each with what to type",
-    "bootstrap/run.py": "tests/integration/adopt: every objection has a hint, which its class demands",
-    "bootstrap/steps.py": "refuses nothing: it words a reset, a date and a question",
+    "routeros/first_contact/run.py": "tests/integration/adopt: every objection has a hint, which its class demands",
+    "routeros/first_contact/steps.py": "refuses nothing: it words a reset, a date and a question",
     "routeros/packages.py": "one error with a hint for all of its reasons",
     "routeros/apply/_change.py": "refuses nothing by version: an older device is saved in another way",
     "routeros/apply/_executor.py": "tests/integration/engine/test_refusals.py::test_a_device_without_any_protection",

@@ -2,8 +2,8 @@
 
 from hypothesis import strategies as st
 
-from atlantis_netcfg.rsc import Export, Statement
-from atlantis_netcfg.rsc._model import FLAGS, VERBS
+from atlantis_netcfg.routeros.rsc import Export, Statement
+from atlantis_netcfg.routeros.rsc._model import FLAGS, VERBS
 
 __all__ = ["exports", "statements", "values"]
 

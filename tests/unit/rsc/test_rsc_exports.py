@@ -11,7 +11,7 @@ from row_subtests import for_each_row
 from rsc_strategies import exports
 
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec
-from atlantis_netcfg.rsc import Export, RscError, drop_volatile, is_volatile, parse, print_export
+from atlantis_netcfg.routeros.rsc import Export, RscError, drop_volatile, is_volatile, parse, print_export
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rsc_strategies import exports, statements, values
 
-from atlantis_netcfg import rsc
-from atlantis_netcfg.rsc import (
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.rsc import (
     Export,
     RscError,
     Statement,
@@ -19,7 +19,7 @@ from atlantis_netcfg.rsc import (
     quote,
     unquote,
 )
-from atlantis_netcfg.rsc._print import ValueTextError
+from atlantis_netcfg.routeros.rsc._print import ValueTextError
 
 HERE = Path(__file__).parent
 DEVICE_TEXTS = sorted(path for path in (HERE / "golden").glob("*.rsc") if ".in." not in path.name)

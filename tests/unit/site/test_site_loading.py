@@ -18,7 +18,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import Declaration, InventoryInvalid, choose, load, report, rules, validate
 from atlantis_netcfg.inventory.model import Cpe, Router
 from atlantis_netcfg.inventory.rules import management
-from atlantis_netcfg.render import router
+from atlantis_netcfg.routeros.render import router
 from bench.many import many, name
 
 SHIPPED = Path(__file__).parents[3] / "inventory"

@@ -8,7 +8,7 @@ from twin_bench import make
 from atlantis_netcfg.emulator.routeros import ManagementSpec
 from atlantis_netcfg.emulator.routeros.boot import SeedRefused
 from atlantis_netcfg.emulator.routeros.spec import Radio
-from atlantis_netcfg.rsc import parse, print_export
+from atlantis_netcfg.routeros.rsc import parse, print_export
 
 GOLDEN = Path(__file__).parent / "golden"
 SITES = sorted((Path(__file__).parents[1] / "render" / "golden").glob("*-router.rsc"))

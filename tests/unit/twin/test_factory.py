@@ -12,7 +12,7 @@ from cryptography import x509
 
 from atlantis_netcfg.emulator.routeros import Device, EmulatedRouter, ManagementSpec, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.answers import Caller
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.routeros.rsc import parse
 
 LAPTOP = ManagementSpec(address="192.168.88.1/24", port="ether2", technician="192.168.88.10")
 FACTORY = RouterSpec(

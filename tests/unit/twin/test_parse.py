@@ -4,7 +4,7 @@ import pytest
 from row_subtests import for_each_row
 from twin_bench import make
 
-from atlantis_netcfg.rsc import in_quotes
+from atlantis_netcfg.routeros.rsc import in_quotes
 
 VERSIONS = ("7.16", "7.18.2", "7.20.8", "7.21.5", "7.23.3", "7.24")
 ACCEPTED = {

@@ -11,10 +11,10 @@ from holes import known
 from spoken import Said, lines, sentence
 from trees import Tree
 
-from atlantis_netcfg.console.terminal import Terminal
 from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.api._wire import Wire
-from atlantis_netcfg.rsc import unquote
+from atlantis_netcfg.routeros.console.terminal import Terminal
+from atlantis_netcfg.routeros.rsc import unquote
 
 ASKED_EVERYWHERE = {"/safe-mode/print"}
 """How we learn whether a device has it."""

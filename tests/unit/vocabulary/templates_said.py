@@ -12,7 +12,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Cpe, LteDriver, LteRouter, PtpProtocol, RouterAccessPoint, Switch
-from atlantis_netcfg.render import (
+from atlantis_netcfg.routeros.render import (
     CpeView,
     LteView,
     RouterView,
@@ -22,9 +22,9 @@ from atlantis_netcfg.render import (
     router_view,
     template_folder,
 )
-from atlantis_netcfg.render._cpe import access_point
-from atlantis_netcfg.render._switch import SwitchView, switch_view
-from atlantis_netcfg.render.view import ClassView, Named
+from atlantis_netcfg.routeros.render._cpe import access_point
+from atlantis_netcfg.routeros.render._switch import SwitchView, switch_view
+from atlantis_netcfg.routeros.render.view import ClassView, Named
 
 NEWER = {("/interface/wifi", "configuration.installation"): "7.17"}
 """Menu and argument to the first tree that has it: the claim of 7.16 is for names that every version has, but these."""

@@ -14,7 +14,7 @@ import pytest
 from handout_mint import NOT_AFTER, NOT_BEFORE, Wanted, identity
 
 from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.render import template_folder
+from atlantis_netcfg.routeros.render import template_folder
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import KeyType, Wrap
 

@@ -27,7 +27,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     yes,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Rows, Step
-from atlantis_netcfg.render import prerequisites
+from atlantis_netcfg.routeros.render import prerequisites
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -33,7 +33,7 @@ from atlantis_netcfg.checklist.probes.step import (
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AddressBy, ControlCentre, Router, ServerComputer, Site
-from atlantis_netcfg.render import RouterView, router_view
+from atlantis_netcfg.routeros.render import RouterView, router_view
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -38,7 +38,7 @@ from atlantis_netcfg.routeros.menus import MENUS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.render.view import Uplink
+    from atlantis_netcfg.routeros.render.view import Uplink
 
 
 _DEFAULT = "0.0.0.0/0"

@@ -46,7 +46,7 @@ from atlantis_netcfg.inventory.model import (
     VpnServer,
     WifiRole,
 )
-from atlantis_netcfg.render import router_view
+from atlantis_netcfg.routeros.render import router_view
 from atlantis_netcfg.vpn.client import IDENTITY
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.menus import OLD_WORDS, Shape, Unique
 from atlantis_netcfg.emulator.routeros.values import NOT_OFFERED, id_text, spell
 from atlantis_netcfg.emulator.routeros.views import HIDDEN
-from atlantis_netcfg.rsc import Statement, print_statement
+from atlantis_netcfg.routeros.rsc import Statement, print_statement
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

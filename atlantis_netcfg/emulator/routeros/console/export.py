@@ -10,7 +10,7 @@ from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed
 from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, Arg, Select, Shape
 from atlantis_netcfg.emulator.routeros.values import FlagValue, id_text, references, spell
 from atlantis_netcfg.emulator.routeros.views import applies, factory_value
-from atlantis_netcfg.rsc import Export, Statement, print_export, print_statement
+from atlantis_netcfg.routeros.rsc import Export, Statement, print_export, print_statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

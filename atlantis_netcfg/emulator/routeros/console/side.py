@@ -14,7 +14,7 @@ from atlantis_netcfg.emulator.routeros.commands.read import emit
 from atlantis_netcfg.emulator.routeros.console.run import run_line, run_script
 from atlantis_netcfg.emulator.routeros.core import Core, notify_holder_lost
 from atlantis_netcfg.emulator.routeros.values import id_text
-from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.routeros.rsc import quote
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller

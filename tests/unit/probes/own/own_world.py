@@ -17,7 +17,7 @@ from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
 from atlantis_netcfg.emulator.routeros.spec import Environment, Load, ManagementSpec, Radio, RouterSpec, User, Validity
 from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.render import router
+from atlantis_netcfg.routeros.render import router
 
 SITE = "coastal"
 NOW = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)

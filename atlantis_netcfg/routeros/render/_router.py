@@ -9,10 +9,10 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory.model import LanBox, Pilot, Router, Site, Switch, TrafficClass, Transport
-from atlantis_netcfg.render._cpe import access_point, radio_name
-from atlantis_netcfg.render._environment import environment
-from atlantis_netcfg.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks
-from atlantis_netcfg.render.view import (
+from atlantis_netcfg.routeros.render._cpe import access_point, radio_name
+from atlantis_netcfg.routeros.render._environment import environment
+from atlantis_netcfg.routeros.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks
+from atlantis_netcfg.routeros.render.view import (
     BRIDGE,
     ClassView,
     Declared,

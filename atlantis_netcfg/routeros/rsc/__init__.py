@@ -7,9 +7,9 @@ would do without. The language of scripts (`:if`, `{ }`) is not read.
 
 from __future__ import annotations
 
-from atlantis_netcfg.rsc._model import Export, RscError, Statement
-from atlantis_netcfg.rsc._parse import parse
-from atlantis_netcfg.rsc._print import (
+from atlantis_netcfg.routeros.rsc._model import Export, RscError, Statement
+from atlantis_netcfg.routeros.rsc._parse import parse
+from atlantis_netcfg.routeros.rsc._print import (
     VOLATILE_COMMENTS,
     WIDTH,
     console_path,

@@ -7,11 +7,11 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory.model import Router, SwitchPortUse
-from atlantis_netcfg.render._cpe import access_point, radio_name
-from atlantis_netcfg.render._environment import environment
-from atlantis_netcfg.render._links import API_CERTIFICATE, in_network
-from atlantis_netcfg.render._router import managers, tunnel
-from atlantis_netcfg.render.view import (
+from atlantis_netcfg.routeros.render._cpe import access_point, radio_name
+from atlantis_netcfg.routeros.render._environment import environment
+from atlantis_netcfg.routeros.render._links import API_CERTIFICATE, in_network
+from atlantis_netcfg.routeros.render._router import managers, tunnel
+from atlantis_netcfg.routeros.render.view import (
     BRIDGE,
     Declared,
     DeclaredHost,

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import serial
 
-from atlantis_netcfg.console.types import (
+from atlantis_netcfg.core.secret import MASK, Secret
+from atlantis_netcfg.routeros.console.types import (
     COMMAND_S,
     CONNECT_S,
     Console,
@@ -29,7 +30,6 @@ from atlantis_netcfg.console.types import (
     WireLost,
     parse_rows,
 )
-from atlantis_netcfg.core.secret import MASK, Secret
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

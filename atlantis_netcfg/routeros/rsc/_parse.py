@@ -13,8 +13,8 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.rsc._model import FLAGS, VERBS, Export, RscError, Statement
-from atlantis_netcfg.rsc._print import ValueTextError, unquote
+from atlantis_netcfg.routeros.rsc._model import FLAGS, VERBS, Export, RscError, Statement
+from atlantis_netcfg.routeros.rsc._print import ValueTextError, unquote
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

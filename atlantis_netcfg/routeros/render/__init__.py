@@ -6,12 +6,12 @@ that is a pure function of the declaration. Names that a template misspells are 
 
 from __future__ import annotations
 
-from atlantis_netcfg.render._cpe import CpeView, cpe, cpe_prerequisites, cpe_view, radio_name
-from atlantis_netcfg.render._environment import compiled, environment, nft_comment, template_folder
-from atlantis_netcfg.render._links import LteView, lte, lte_bearer, lte_prerequisites, lte_view
-from atlantis_netcfg.render._router import prerequisites, router, router_view
-from atlantis_netcfg.render._switch import switch, switch_prerequisites
-from atlantis_netcfg.render.view import Prerequisite, RadioView, RenderError, RouterView
+from atlantis_netcfg.routeros.render._cpe import CpeView, cpe, cpe_prerequisites, cpe_view, radio_name
+from atlantis_netcfg.routeros.render._environment import compiled, environment, nft_comment, template_folder
+from atlantis_netcfg.routeros.render._links import LteView, lte, lte_bearer, lte_prerequisites, lte_view
+from atlantis_netcfg.routeros.render._router import prerequisites, router, router_view
+from atlantis_netcfg.routeros.render._switch import switch, switch_prerequisites
+from atlantis_netcfg.routeros.render.view import Prerequisite, RadioView, RenderError, RouterView
 
 __all__ = [
     "CpeView",

@@ -8,7 +8,17 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bootstrap.steps import (
+from atlantis_netcfg.core.errors import TRUST, DeviceFailed, NetcfgError, OutcomeUnknown
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.routeros.console.types import (
+    ConsoleLost,
+    ConsoleUnreachable,
+    HostKeyChanged,
+    LoginFailed,
+    SafeModeHeld,
+)
+from atlantis_netcfg.routeros.first_contact.steps import (
     CERTIFICATE,
     FACTORY_USER,
     Adopted,
@@ -27,18 +37,14 @@ from atlantis_netcfg.bootstrap.steps import (
     prepare,
     recognise,
 )
-from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable, HostKeyChanged, LoginFailed, SafeModeHeld
-from atlantis_netcfg.core.errors import TRUST, DeviceFailed, NetcfgError, OutcomeUnknown
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.runs import ContactStep, ContactStepDone, DeviceObserved, Pinned, Pins, Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.rsc import Export
+    from atlantis_netcfg.routeros.console.types import Console
+    from atlantis_netcfg.routeros.rsc import Export
 
 
 class PreflightRefused(DeviceFailed):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
 
 from atlantis_netcfg.core.paths import checkout, private_cache
-from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.routeros.rsc import quote
 
 if TYPE_CHECKING:
     from jinja2.bccache import Bucket
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 MARK = "atlantis: "
 """Opens the comment of every row that is ours."""
 
-_PACKAGE = Path(__file__).resolve().parent.parent
+_PACKAGE = Path(__file__).resolve().parents[2]
 _KEPT_S = 30 * 24 * 3600
 """For so long a compiled template is kept."""
 _UNITS = (("w", 7 * 24 * 3600), ("d", 24 * 3600), ("h", 3600), ("m", 60), ("s", 1))

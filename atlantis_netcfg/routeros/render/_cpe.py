@@ -8,9 +8,9 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory.channels import lower_edge
-from atlantis_netcfg.render._environment import environment
-from atlantis_netcfg.render._links import API_CERTIFICATE, in_network
-from atlantis_netcfg.render.view import (
+from atlantis_netcfg.routeros.render._environment import environment
+from atlantis_netcfg.routeros.render._links import API_CERTIFICATE, in_network
+from atlantis_netcfg.routeros.render.view import (
     Declared,
     DeclaredHost,
     ManagementView,

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.console.types import Console, ConsoleRefused, parse_rows
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.rsc import Export, RscError, Statement, console_path, parse, quote
+from atlantis_netcfg.routeros.console.types import Console, ConsoleRefused, parse_rows
+from atlantis_netcfg.routeros.rsc import Export, RscError, Statement, console_path, parse, quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

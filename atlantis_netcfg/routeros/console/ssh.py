@@ -21,8 +21,10 @@ import paramiko
 from netmiko import NetmikoAuthenticationException, NetmikoTimeoutException
 from netmiko.mikrotik.mikrotik_ssh import MikrotikRouterOsSSH
 
-from atlantis_netcfg.console.terminal import Terminal
-from atlantis_netcfg.console.types import (
+from atlantis_netcfg.core.errors import TRUST, NetcfgError
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.routeros.console.terminal import Terminal
+from atlantis_netcfg.routeros.console.types import (
     COMMAND_S,
     CONNECT_S,
     Console,
@@ -34,8 +36,6 @@ from atlantis_netcfg.console.types import (
     UnknownHostKey,
     WireLost,
 )
-from atlantis_netcfg.core.errors import TRUST, NetcfgError
-from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.standing import canaries
 from atlantis_netcfg.inventory.satellite_allow_list import allowed
-from atlantis_netcfg.render._environment import environment
-from atlantis_netcfg.render.view import (
+from atlantis_netcfg.routeros.render._environment import environment
+from atlantis_netcfg.routeros.render.view import (
     Declared,
     DeclaredHost,
     JudgedBearer,

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.rsc._model import FLAGS, Export, Statement
+from atlantis_netcfg.routeros.rsc._model import FLAGS, Export, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
