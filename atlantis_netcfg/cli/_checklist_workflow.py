@@ -18,7 +18,6 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.bearers.cost import CostRefused, Preview
 from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused
 from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, is_photo, named, refused_person
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
@@ -31,6 +30,7 @@ from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.inventory.model import EvidenceKind
+from atlantis_netcfg.links.cost import CostRefused, Preview
 from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_of
 
 if TYPE_CHECKING:

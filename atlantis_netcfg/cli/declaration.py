@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers.standing import StandingTraffic
     from atlantis_netcfg.gateway.dds import ProfileView
     from atlantis_netcfg.inventory import Declaration, Finding, InventoryInvalid
+    from atlantis_netcfg.links.standing_traffic import StandingTraffic
 
 
 VALIDATE = CommandSpec(
@@ -166,10 +166,10 @@ def run_dds(arguments: Arguments) -> ExitCode:
     """Make the files, write or print them, and say what they hold."""
     from pathlib import Path
 
-    from atlantis_netcfg.bearers.standing import TrafficSource
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.gateway.dds import profile_views, profiles
     from atlantis_netcfg.inventory import choose, load
+    from atlantis_netcfg.links.standing_traffic import TrafficSource
     from atlantis_netcfg.operations.standing import standing_traffic
 
     named = arguments.optional("inventory")
@@ -214,7 +214,7 @@ def _print(
     costs: Mapping[str, StandingTraffic],
     written: Mapping[str, bool],
 ) -> None:
-    from atlantis_netcfg.bearers.cost import size
+    from atlantis_netcfg.links.cost import size
 
     first, release = views[0], views[0].release
     brings = f"Cyclone DDS {release.cyclone.version}"

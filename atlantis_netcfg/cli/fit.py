@@ -186,8 +186,8 @@ def _thinned(link: LinkFit) -> Iterator[Row]:
 
 
 def _money(link: LinkFit, *, thinned: bool) -> Iterator[Row]:
-    from atlantis_netcfg.bearers.cost import size
-    from atlantis_netcfg.bearers.standing import DAY_S
+    from atlantis_netcfg.links.cost import size
+    from atlantis_netcfg.links.standing_traffic import DAY_S
 
     for seconds, name in ((3600, "an hour"), (DAY_S, "a day")):
         cost = link.costs(seconds, thinned=thinned)

@@ -26,12 +26,12 @@ from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers import BearerFinding
-    from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.links import BearerFinding
+    from atlantis_netcfg.links.cost import Bill, Preview
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.allow_list_test.prove import Proof
     from atlantis_netcfg.operations.links.look import LinksStatus

@@ -21,18 +21,18 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from decimal import Decimal
 
-    from atlantis_netcfg.bearers.cost import Preview
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.links.cost import Preview
+    from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, Selection
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd
     from atlantis_netcfg.operations.qualify.result import QualifyResult
     from atlantis_netcfg.operations.qualify.several import SeveralResults
-    from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
 
 QUALIFY = CommandSpec(
     "qualify",
@@ -163,7 +163,7 @@ def _far_end(declaration: Declaration, arguments: Arguments) -> MeasuredFarEnd:
 
 
 def _selection(arguments: Arguments) -> Selection:
-    from atlantis_netcfg.qualify.measured_run import Selection
+    from atlantis_netcfg.links.qualify.measured_run import Selection
 
     return Selection(arguments.optional("profile") or Selection.TELEMETRY)
 
@@ -172,7 +172,7 @@ def _limits(arguments: Arguments) -> BudgetLimits:
     """What a person allows for all links together. Raises UsageError."""
     from decimal import Decimal
 
-    from atlantis_netcfg.qualify.measured_run import BudgetLimits
+    from atlantis_netcfg.links.qualify.measured_run import BudgetLimits
 
     mb, eur, minutes = (_number(arguments, name) for name in ("max-mb", "max-eur", "max-minutes"))
     return BudgetLimits(
@@ -234,12 +234,12 @@ def _link(
     from datetime import UTC, datetime
 
     from atlantis_netcfg.core.errors import NetcfgError
+    from atlantis_netcfg.links.qualify.archive import folder_of
+    from atlantis_netcfg.links.qualify.measured_run import RUN_FILE
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.qualify.emulation import emulated_link
     from atlantis_netcfg.operations.qualify.result import QualifyResult
     from atlantis_netcfg.operations.qualify.run import LinkRun
-    from atlantis_netcfg.qualify.kept import folder_of
-    from atlantis_netcfg.qualify.measured_run import RUN_FILE
     from atlantis_netcfg.qualify_pages import write_pages
     from atlantis_netcfg.runs import make_private, new_run, os_errors_as
 
@@ -306,8 +306,8 @@ def _pay(opened: CommandSession, links: tuple[Bearer, ...], selection: Selection
 
 def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits) -> Preview:
     """What a link costs at most: the whole plan, or the limits where these are less. Raises CostRefused."""
-    from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.links.cost import preview
     from atlantis_netcfg.operations.qualify.plan import planned
     from atlantis_netcfg.operations.site_links import link_of
 

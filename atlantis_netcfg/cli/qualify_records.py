@@ -12,7 +12,7 @@ from atlantis_netcfg.cli._output import json_text
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.links.qualify.record import QualifyRecord
     from atlantis_netcfg.runs import Store
 
 _SITE = Word("site", "the site", required=True, example="coastal")
@@ -63,8 +63,8 @@ def run_qualify_show(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode, UsageError
     from atlantis_netcfg.core.events import Verdict
     from atlantis_netcfg.core.printable import show
-    from atlantis_netcfg.qualify.judgement import profile
-    from atlantis_netcfg.qualify.kept import kept_run, kept_runs, record_of
+    from atlantis_netcfg.links.qualify.archive import kept_run, kept_runs, record_of
+    from atlantis_netcfg.links.qualify.judgement import profile
     from atlantis_netcfg.qualify_pages.pages import rows
 
     site, run, link = arguments.word("site"), arguments.optional("run"), arguments.optional("link")
@@ -93,8 +93,8 @@ def run_qualify_compare(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.core.errors import ExitCode, UsageError
     from atlantis_netcfg.core.printable import show
-    from atlantis_netcfg.qualify.compare import compared
-    from atlantis_netcfg.qualify.kept import kept_run, record_of
+    from atlantis_netcfg.links.qualify.archive import kept_run, record_of
+    from atlantis_netcfg.links.qualify.compare import compared
     from atlantis_netcfg.qualify_pages.several import comparison_rows
 
     site, runs, store = arguments.word("site"), arguments.many("runs"), _store(arguments)
@@ -118,7 +118,7 @@ def run_qualify_history(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.printable import show
-    from atlantis_netcfg.qualify.kept import kept_runs, record_of
+    from atlantis_netcfg.links.qualify.archive import kept_runs, record_of
     from atlantis_netcfg.qualify_pages.several import history_rows
 
     site = arguments.word("site")
@@ -135,7 +135,7 @@ def run_qualify_history(arguments: Arguments) -> ExitCode:
 
 
 def _headlines(record: QualifyRecord) -> dict[str, Any]:
-    from atlantis_netcfg.qualify.compare import HEADLINES
+    from atlantis_netcfg.links.qualify.compare import HEADLINES
 
     run = record.run
     return {
@@ -163,7 +163,7 @@ def _nothing(arguments: Arguments) -> Exception:
     """There is no measurement; those of the other kind are named where there are any."""
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.core.errors import NothingMatched
-    from atlantis_netcfg.qualify.kept import kept_runs
+    from atlantis_netcfg.links.qualify.archive import kept_runs
     from atlantis_netcfg.runs import Store
 
     site, link, rehearsed = arguments.word("site"), arguments.optional("link"), arguments.flag("rehearsed")

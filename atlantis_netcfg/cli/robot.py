@@ -110,8 +110,8 @@ def _tell(sources: Sequence[RobotSource]) -> None:
 def _lines(source: RobotSource) -> Iterator[str]:
     from collections import Counter
 
-    from atlantis_netcfg.bearers.cost import size
     from atlantis_netcfg.inventory.loader import shown_path
+    from atlantis_netcfg.links.cost import size
 
     robot = source.robot
     if robot is None:
@@ -226,8 +226,8 @@ def _tell_heard(observation: Observation, reports: Sequence[RobotReport], number
 
 
 def _tell_recording(record: BagRecorder | None) -> None:
-    from atlantis_netcfg.bearers.cost import size
     from atlantis_netcfg.inventory.loader import shown_path
+    from atlantis_netcfg.links.cost import size
 
     if record is None:
         return
@@ -266,8 +266,8 @@ def _listen(
 
 def _pay(arguments: Arguments, declaration: Declaration, site: str, seconds: int, address: Callable[[], str]) -> None:
     """Ask for consent where listening brings the robots' topics over a link that is paid by the byte."""
-    from atlantis_netcfg.bearers.cost import CostRefused
     from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.links.cost import CostRefused
     from atlantis_netcfg.operations.robots_cost import listening_cost
 
     cost, gateway = listening_cost(declaration, site, seconds, address), declaration.computer_of(site)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.survey.exports import Coast
     from atlantis_netcfg.survey.measure import RunningSurvey, SurveyPlan
     from atlantis_netcfg.survey.points import SurveyLine, SurveyPoint
@@ -140,9 +140,9 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     """Survey; the folder in which everything is."""
     from contextlib import ExitStack
 
+    from atlantis_netcfg.links.qualify.samples import SampleWriter
     from atlantis_netcfg.operations.qualify.far_end import open_far_end
     from atlantis_netcfg.operations.request import refuse_examples
-    from atlantis_netcfg.qualify.samples import SampleWriter
     from atlantis_netcfg.runs import os_errors_as, utc_now
     from atlantis_netcfg.survey.kept import folder_of, new_folder
     from atlantis_netcfg.survey.points import SAMPLES_FILE, SURVEY_FILE, SurveyEnd, SurveyWriter
@@ -210,8 +210,8 @@ def _site(opened: CommandSession, plan: SurveyPlan) -> SiteSurvey:
 
 def _paid(opened: CommandSession, link: Bearer, plan: SurveyPlan) -> None:
     """Say what it may cost, and return when somebody pays. Raises CostRefused."""
-    from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.links.cost import preview
     from atlantis_netcfg.operations.site_links import link_of
 
     metered = link_of(opened.declaration, opened.site, link.name)
@@ -246,7 +246,7 @@ def _begin_words(opened: CommandSession, survey: RunningSurvey) -> None:
 
 def _by_clicks(survey: RunningSurvey) -> str:
     """Take a point for each position that a person types; why it ended."""
-    from atlantis_netcfg.qualify.session import EndReason
+    from atlantis_netcfg.links.qualify.session import EndReason
     from atlantis_netcfg.survey.measure import STOPPED
     from atlantis_netcfg.survey.site import TypedPositions
 

@@ -17,14 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
-from atlantis_netcfg.bearers.standing import (
-    Announcing,
-    DdsMessages,
-    DdsSizes,
-    HeartbeatsNowAndThen,
-    HeartbeatsUntilAcknowledged,
-    VpnHeaders,
-)
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.gateway.dds_link import links_without_dds
 from atlantis_netcfg.gateway.interop import SERVICE
@@ -41,6 +33,14 @@ from atlantis_netcfg.inventory.model import (
     RosDistribution,
     RosMiddleware,
     ServerComputer,
+)
+from atlantis_netcfg.links.standing_traffic import (
+    Announcing,
+    DdsMessages,
+    DdsSizes,
+    HeartbeatsNowAndThen,
+    HeartbeatsUntilAcknowledged,
+    VpnHeaders,
 )
 from atlantis_netcfg.routeros.render import compiled, environment, template_folder
 

@@ -4,9 +4,9 @@ One answers the checklists of the other computers: it is bound to the address in
 only the pilot's own computers come to it (`gateway.base`). It shows that data arrive and come back, not that any
 program of a partner works.
 
-The other is the far end of measured links, the folder `qualify/reflector` as it is: it answers who has the key. It runs
-on the control centre alone that `pilot.qualify` names, open to everybody, since each link has another public address. A
-measurement starts it, and it ends by itself: its port is closed at other times.
+The other is the far end of measured links, the folder `links/qualify/reflector` as it is: it answers who has the key.
+It runs on the control centre alone that `pilot.qualify` names, open to everybody, since each link has another public
+address. A measurement starts it, and it ends by itself: its port is closed at other times.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def far_end(host: str, pilot: Pilot) -> Configuration:
     programs = tuple(
         File(f"{QUALIFY_FOLDER}/{_PACKAGE}/{source.name}", source.read_text("utf-8"))
         for source in sorted(
-            resources.files("atlantis_netcfg.qualify.reflector").iterdir(), key=lambda source: source.name
+            resources.files("atlantis_netcfg.links.qualify.reflector").iterdir(), key=lambda source: source.name
         )
         if source.name.endswith(".py")
     )

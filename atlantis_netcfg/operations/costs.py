@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.bearers.cost import ACCEPT, Bill, CostRefused, MeteredLink, Preview, bill, preview, size
-from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Router, SshHost
+from atlantis_netcfg.links.cost import ACCEPT, Bill, CostRefused, MeteredLink, Preview, bill, preview, size
+from atlantis_netcfg.links.policy import BearerRoute, active_bearer
 from atlantis_netcfg.operations import request as requests
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.kinds import handled

@@ -18,14 +18,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.bearers.cost import bill
-from atlantis_netcfg.bearers.standing import DAY_S, TrafficSource
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.gateway.dds_link import links_without_dds
 from atlantis_netcfg.inventory import ALL, Finding, choose
 from atlantis_netcfg.inventory.model import TelemetryData
 from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
+from atlantis_netcfg.links.cost import bill
+from atlantis_netcfg.links.standing_traffic import DAY_S, TrafficSource
 from atlantis_netcfg.operations.link_capacity import USABLE, Capacity, capacity_of, named_run, newest_run
 from atlantis_netcfg.operations.site_links import bearer_named, links_of
 from atlantis_netcfg.operations.standing import (
@@ -39,11 +39,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from datetime import datetime
 
-    from atlantis_netcfg.bearers.cost import Bill, MeteredLink
-    from atlantis_netcfg.bearers.standing import DdsMessages, MessageCost
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.inventory.model import Bearer, RosMiddleware, TelemetryTopic
-    from atlantis_netcfg.qualify.kept import KeptRun
+    from atlantis_netcfg.links.cost import Bill, MeteredLink
+    from atlantis_netcfg.links.qualify.archive import KeptRun
+    from atlantis_netcfg.links.standing_traffic import DdsMessages, MessageCost
     from atlantis_netcfg.runs import Store
 
 LOSSY: Final = 0.1

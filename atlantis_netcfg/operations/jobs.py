@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.inventory.model import Access, LteRouter
+from atlantis_netcfg.links.policy import active_bearer
 from atlantis_netcfg.operations.bearers import bearer_of, patient
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.kinds import Managed, managed
@@ -25,9 +25,9 @@ from atlantis_netcfg.runs import Journal, Pins, Recorder, Store
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.bearers.policy import BearerRoute
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.links.policy import BearerRoute
     from atlantis_netcfg.operations.request import LinkOrder, Request
     from atlantis_netcfg.routeros._types import Observed
 

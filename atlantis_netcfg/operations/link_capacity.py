@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers.standing import LinkPace
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.standing_traffic import LinkPace
 from atlantis_netcfg.operations.standing import declared_pace
 from atlantis_netcfg.runs import NoSuchRun
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.qualify.kept import KeptRun
-    from atlantis_netcfg.qualify.measured_run import MeasuredRun
-    from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.links.qualify.archive import KeptRun
+    from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
+    from atlantis_netcfg.links.qualify.record import QualifyRecord
     from atlantis_netcfg.runs import Store
 
 USABLE: Final = 0.7
@@ -54,7 +54,7 @@ class Capacity:
 
 def named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
     """A run by its name, of any of the stores. NoSuchRun, StateDamaged."""
-    from atlantis_netcfg.qualify.kept import kept_run  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.links.qualify.archive import kept_run  # noqa: PLC0415 - `validate` has no run to read
 
     for store in stores[1:]:
         with suppress(NoSuchRun):
@@ -64,7 +64,7 @@ def named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
 
 def newest_run(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
     """The newest real run of a bearer that has filled it, else the newest real one."""
-    from atlantis_netcfg.qualify.kept import kept_runs, record_of  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.links.qualify.archive import kept_runs, record_of  # noqa: PLC0415 - `validate` has no run to read
 
     real = [kept for kept in reversed(kept_runs(store, site, bearer.name)) if not kept.run.emulated]
     return next((kept for kept in real if _carried(record_of(kept), "up") is not None), real[0] if real else None)
@@ -75,9 +75,9 @@ def _carried(record: QualifyRecord, way: str) -> float | None:
     row = next((row for row in record.load if row.way == way), None)
     if row is None or row.goodput_bps is None or row.verdict is not Verdict.PASS:
         return None
-    from atlantis_netcfg.qualify.budget import IPV4_HEADERS, VPN_HEADERS  # noqa: PLC0415 - `validate` has no run to read
-    from atlantis_netcfg.qualify.grids import message_bytes  # noqa: PLC0415 - `validate` has no run to read
-    from atlantis_netcfg.qualify.messages import MessagePlan  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS, VPN_HEADERS  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.links.qualify.grids import message_bytes  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.links.qualify.messages import MessagePlan  # noqa: PLC0415 - `validate` has no run to read
 
     headers = IPV4_HEADERS + (VPN_HEADERS if record.run.far_end.over_vpn else 0)
     return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), headers) / row.size
@@ -92,7 +92,7 @@ def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime, within_days
     if kept is None:
         doubt = "only the declared rate is known: nobody has measured this link"
         return Capacity(pace, down, None, "declared", doubt=doubt)
-    from atlantis_netcfg.qualify.kept import record_of  # noqa: PLC0415 - `validate` has no run to read
+    from atlantis_netcfg.links.qualify.archive import record_of  # noqa: PLC0415 - `validate` has no run to read
 
     record = record_of(kept)
     measured_up, measured_down, idle = _carried(record, "up"), _carried(record, "down"), record.idle

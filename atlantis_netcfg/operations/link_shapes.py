@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.udp_link import DrawnGap, LinkShape
+from atlantis_netcfg.links.qualify.profile import read_profile
 from atlantis_netcfg.operations.bearers import LAN
-from atlantis_netcfg.qualify.profile import read_profile
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile
+    from atlantis_netcfg.links.qualify.profile import DirectionProfile, LinkProfile
 
 LinkShapes = tuple[LinkShape, LinkShape]
 """From the site, and to it."""

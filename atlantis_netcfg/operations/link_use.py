@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers import LinkState
-from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError, complete, nearest
+from atlantis_netcfg.links import LinkState
+from atlantis_netcfg.links.cost import preview
 from atlantis_netcfg.operations.request import LinkOrder
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.cost import MeteredLink, Preview
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.links.cost import MeteredLink, Preview
     from atlantis_netcfg.operations.links.look import LinksStatus
 
 SHORTEST_S: Final = 60

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from datetime import date
 
-    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.inventory.model import Vehicle
     from atlantis_netcfg.inventory.model.robot import RobotFile
+    from atlantis_netcfg.links import BearerFinding
     from atlantis_netcfg.robots.observation import RobotReport
 
 _VEHICLES: Final = "group_vars/all/vehicles.yml"

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.bearers.cost import Bill, Preview, bill, preview, size
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError, nearest
 from atlantis_netcfg.gateway.retrieval import PROGRAM, line_for_robot, sources_of
 from atlantis_netcfg.inventory.model import RetrievalPriority, RetrievalRobot, RetrievalSource
+from atlantis_netcfg.links.cost import Bill, Preview, bill, preview, size
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
 from atlantis_netcfg.operations.site_links import link_of
@@ -28,9 +28,9 @@ from atlantis_netcfg.operations.vpn.link import ssh_command
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.bearers.cost import MeteredLink
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.links.cost import MeteredLink
     from atlantis_netcfg.operations.request import Request
 
 SHARES: Final[Mapping[RetrievalPriority, float]] = {

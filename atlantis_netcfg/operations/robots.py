@@ -13,7 +13,6 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, complete
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
@@ -29,6 +28,7 @@ from atlantis_netcfg.inventory.robots.reading import (
     past_guests,
     read_published,
 )
+from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot

@@ -5,8 +5,8 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers.cost import MeteredLink, Tariff
 from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.links.cost import MeteredLink, Tariff
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

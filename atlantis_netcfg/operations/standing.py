@@ -20,9 +20,15 @@ from dataclasses import replace
 from decimal import Decimal
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.cost import size
-from atlantis_netcfg.bearers.standing import (
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.gateway.dds import profile_in_use
+from atlantis_netcfg.gateway.dds_link import links_without_dds
+from atlantis_netcfg.inventory import Finding
+from atlantis_netcfg.inventory.model import ControlCentre, DdsPath, Gateway, Router, Switch
+from atlantis_netcfg.inventory.rules.satellite import BUDGET_HINT
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.cost import size
+from atlantis_netcfg.links.standing_traffic import (
     MONTH_DAYS,
     LinkPace,
     StandingFlow,
@@ -35,12 +41,6 @@ from atlantis_netcfg.bearers.standing import (
     published,
     time_questions,
 )
-from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.gateway.dds import profile_in_use
-from atlantis_netcfg.gateway.dds_link import links_without_dds
-from atlantis_netcfg.inventory import Finding
-from atlantis_netcfg.inventory.model import ControlCentre, DdsPath, Gateway, Router, Switch
-from atlantis_netcfg.inventory.rules.satellite import BUDGET_HINT
 from atlantis_netcfg.operations.site_links import links_of
 from atlantis_netcfg.routeros.render import router_view
 from atlantis_netcfg.vpn.client import site_link

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.satellite import Backup, SatelliteEvidence, judge_carrier_nat, judge_evidence
 from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.inventory.model import Router, SatelliteTerminal
+from atlantis_netcfg.links.satellite import Backup, SatelliteEvidence, judge_carrier_nat, judge_evidence
 from atlantis_netcfg.operations.request import Mode, declaration_of, open_request
 from atlantis_netcfg.runs import (
     ActionsConfirmed,
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.links import BearerFinding
 
 
 EVIDENCE_FOLDER = "evidence"

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers.lte import rutos_client
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
+from atlantis_netcfg.links.lte import rutos_client
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.jobs import endpoint_of

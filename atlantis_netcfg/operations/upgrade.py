@@ -14,11 +14,11 @@ from math import ceil
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.bearers.cost import MeteredLink, Preview, preview
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, OutcomeUnknown, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory.model import Router
+from atlantis_netcfg.links.cost import MeteredLink, Preview, preview
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import gate, unpaid
 from atlantis_netcfg.operations.jobs import device_job

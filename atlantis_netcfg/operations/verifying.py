@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.cost import Preview, preview
-from atlantis_netcfg.bearers.lte import rutos_read
 from atlantis_netcfg.core import paths, printable
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
+from atlantis_netcfg.links.cost import Preview, preview
+from atlantis_netcfg.links.lte import rutos_read
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import managed

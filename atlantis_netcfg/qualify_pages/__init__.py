@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.links.qualify.record import QualifyRecord
 
 __all__ = ["write_pages"]
 
@@ -17,7 +17,7 @@ def write_pages(folder: Path) -> QualifyRecord:
 
     Raises JournalFailed, StateDamaged, SamplesUnreadable.
     """
-    from atlantis_netcfg.qualify.kept import keep_record, made_anew  # noqa: PLC0415
+    from atlantis_netcfg.links.qualify.archive import keep_record, made_anew  # noqa: PLC0415
     from atlantis_netcfg.qualify_pages.pages import PAGE_FILE, PAPER_FILE, html, pdf  # noqa: PLC0415
     from atlantis_netcfg.qualify_pages.plots import plots  # noqa: PLC0415
     from atlantis_netcfg.runs import os_errors_as, write_atomically  # noqa: PLC0415 - a page takes long to import

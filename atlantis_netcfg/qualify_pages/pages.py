@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
     from atlantis_netcfg.checklist.report._pdf._sheet import Paper
-    from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.links.qualify.record import QualifyRecord
     from atlantis_netcfg.qualify_pages.plots import Plot
 
 PAGE_FILE: Final = "page.html"

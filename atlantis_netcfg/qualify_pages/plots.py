@@ -17,16 +17,16 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS, ShownState
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.qualify.compare import loss_shares
-from atlantis_netcfg.qualify.figures import round_trips
+from atlantis_netcfg.links.qualify.compare import loss_shares
+from atlantis_netcfg.links.qualify.figures import round_trips
 from atlantis_netcfg.runs.report.drift import clean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from atlantis_netcfg.qualify.figures import TrainFigures
-    from atlantis_netcfg.qualify.record import MeasuredRate, QualifyRecord
-    from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.figures import TrainFigures
+    from atlantis_netcfg.links.qualify.record import MeasuredRate, QualifyRecord
+    from atlantis_netcfg.links.qualify.samples import Sample
 
 WIDTH, HEIGHT = 560.0, 250.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 16.0, 46.0, 40.0

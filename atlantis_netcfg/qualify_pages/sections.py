@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.qualify.compare import clock_words, loss_shares
-from atlantis_netcfg.qualify.figures import GAPS_S
-from atlantis_netcfg.qualify.session import EndReason
+from atlantis_netcfg.links.qualify.compare import clock_words, loss_shares
+from atlantis_netcfg.links.qualify.figures import GAPS_S
+from atlantis_netcfg.links.qualify.session import EndReason
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from decimal import Decimal
 
-    from atlantis_netcfg.qualify.figures import DelayVariation, TrainFigures
-    from atlantis_netcfg.qualify.measured_run import MeasuredRun
-    from atlantis_netcfg.qualify.record import MeasuredRate, QualifyRecord
+    from atlantis_netcfg.links.qualify.figures import DelayVariation, TrainFigures
+    from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
+    from atlantis_netcfg.links.qualify.record import MeasuredRate, QualifyRecord
 
 UNKNOWN: Final = "not known"
 _MILLI_BELOW_S: Final = 10.0

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.qualify.compare import HEADLINES, FigureTrend
+from atlantis_netcfg.links.qualify.compare import HEADLINES, FigureTrend
 from atlantis_netcfg.qualify_pages.pages import STYLES
 from atlantis_netcfg.qualify_pages.sections import UNKNOWN, in_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.qualify.compare import RunComparison
-    from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.links.qualify.compare import RunComparison
+    from atlantis_netcfg.links.qualify.record import QualifyRecord
 
 _CHANGES: Final = {FigureTrend.BETTER: Style.GOOD, FigureTrend.WORSE: Style.BAD}
 _HISTORY: Final = ("rtt_p50", "rtt_p95", "loss", "longest_gap", "goodput_up", "goodput_down")

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Final
 
 from pydantic import TypeAdapter
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.robots.reading import read_published
 from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.grids import message_bytes, train_bytes
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.reflector.stamp import ACKNOWLEDGEMENT_SIZE, AUTHENTICATED_SIZE, HMAC_TLV_SIZE
-from atlantis_netcfg.qualify.samples import MessageEnded, ReplyReceived
-from atlantis_netcfg.qualify.session import SECOND, EndReason, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transfers import message_figures
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.grids import message_bytes, train_bytes
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.reflector.stamp import ACKNOWLEDGEMENT_SIZE, AUTHENTICATED_SIZE, HMAC_TLV_SIZE
+from atlantis_netcfg.links.qualify.samples import MessageEnded, ReplyReceived
+from atlantis_netcfg.links.qualify.session import SECOND, EndReason, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transfers import message_figures
 from atlantis_netcfg.survey.points import SurveyPoint
 from atlantis_netcfg.survey.positions import TrackPosition
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from datetime import datetime
 
-    from atlantis_netcfg.qualify.samples import Sample
-    from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer
-    from atlantis_netcfg.qualify.transport import DatagramTransport
+    from atlantis_netcfg.links.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer
+    from atlantis_netcfg.links.qualify.transport import DatagramTransport
     from atlantis_netcfg.survey.positions import PositionSource
 
 HOUR_S: Final = 3600.0

@@ -14,9 +14,9 @@ from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers.lte.judge import WEAK_RSRP_DBM, WEAK_RSRQ_DB, WEAK_SINR_DB
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.links.lte.judge import WEAK_RSRP_DBM, WEAK_RSRQ_DB, WEAK_SINR_DB
 from atlantis_netcfg.runs.report.page import page, page_environment
 
 if TYPE_CHECKING:

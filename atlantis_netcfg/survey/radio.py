@@ -10,10 +10,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory.model import BearerKind, LteDriver, LteRouter
+from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, active_bearer
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.links.look import session_to
 from atlantis_netcfg.operations.links.session import rows
@@ -23,9 +23,9 @@ from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.survey.measure import RadioSample
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.lte import LteReading
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.links.lte import LteReading
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.runs import Store
 

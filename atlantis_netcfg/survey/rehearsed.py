@@ -15,9 +15,9 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
-from atlantis_netcfg.qualify.reflector.answering import Reflector
-from atlantis_netcfg.qualify.session import SECOND
-from atlantis_netcfg.qualify.transport import Arrival
+from atlantis_netcfg.links.qualify.reflector.answering import Reflector
+from atlantis_netcfg.links.qualify.session import SECOND
+from atlantis_netcfg.links.qualify.transport import Arrival
 from atlantis_netcfg.survey.positions import GpsdStream, NoPosition, TrackPosition
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from atlantis_netcfg.checklist.probes.gps import GPSD_PORT
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.coverage import out_and_back, two_masts
 from atlantis_netcfg.inventory.model import Gateway
+from atlantis_netcfg.links.qualify.session import ReflectorPeer
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.qualify.far_end import key_of
 from atlantis_netcfg.operations.vpn.link import ssh_command
-from atlantis_netcfg.qualify.session import ReflectorPeer
-from atlantis_netcfg.qualify.transport import UdpTransport
 from atlantis_netcfg.survey.measure import LinkTester, RunningSurvey
 from atlantis_netcfg.survey.points import SurveyHeader
 from atlantis_netcfg.survey.positions import MAX_AGE_S, MAX_HDOP, GpsdSource, NoPosition, gpsd_address, typed_position
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.qualify.samples import Sample
     from atlantis_netcfg.runs import Store
     from atlantis_netcfg.survey.measure import SurveyPlan
     from atlantis_netcfg.survey.points import SurveyPoint

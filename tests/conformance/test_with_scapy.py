@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 from stand import PRESENT, run
 
-from atlantis_netcfg.qualify import session
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.reflector.stamp import (
+from atlantis_netcfg.links.qualify import session
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.reflector.stamp import (
     PADDING,
     ReflectorPacket,
     SenderPacket,
@@ -26,9 +26,9 @@ from atlantis_netcfg.qualify.reflector.stamp import (
     padding,
     unix_ns,
 )
-from atlantis_netcfg.qualify.samples import ReplyReceived, Sample
-from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan
-from atlantis_netcfg.qualify.transport import UdpTransport
+from atlantis_netcfg.links.qualify.samples import ReplyReceived, Sample
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 
 pytestmark = [PRESENT, pytest.mark.slow]
 
@@ -48,7 +48,7 @@ def _free_port() -> int:
 @contextmanager
 def _our_reflector() -> Iterator[int]:
     words = ["--unauthenticated", "--address", HOST, "--port", "0"]
-    program = [sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", *words]
+    program = [sys.executable, "-P", "-m", "atlantis_netcfg.links.qualify.reflector", *words]
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         assert process.stdout is not None
         try:

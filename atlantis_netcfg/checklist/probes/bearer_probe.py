@@ -15,11 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import BearerFinding, LinkState
 from atlantis_netcfg.checklist.probes.step import Judged, LinkStatusRequest, LinkStatusResult, Step, read, unasked
 from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Bearer, Column
+from atlantis_netcfg.links import BearerFinding, LinkState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

@@ -12,8 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.bearer_probe import link_steps, reserved_mac
 from atlantis_netcfg.checklist.probes.ping import (
     NeighbourRoute,
@@ -44,6 +42,8 @@ from atlantis_netcfg.checklist.probes.step import (
 from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import ETHERNET, EthernetEndpoint
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.status import Query
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

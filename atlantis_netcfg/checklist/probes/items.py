@@ -11,7 +11,6 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.step import (
     PLACES,
     Answer,
@@ -31,6 +30,7 @@ from atlantis_netcfg.checklist.report import Evidence, ItemKind
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import ItemSort, SeenFrom
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -13,7 +13,6 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.step import (
     PLACES,
     Answer,
@@ -25,6 +24,7 @@ from atlantis_netcfg.checklist.probes.step import (
     not_run,
 )
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

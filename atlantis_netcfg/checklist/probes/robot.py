@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.step import (
     Answer,
     Cell,
@@ -29,6 +28,7 @@ from atlantis_netcfg.core.errors import complete
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import ControlCentre
 from atlantis_netcfg.inventory.model.robot import TopicKind
+from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.robots.observation import RobotState, topic_findings
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, bearers
 from atlantis_netcfg.checklist.probes.step import (
     AllowListTestRequest,
@@ -28,6 +27,7 @@ from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Column
 from atlantis_netcfg.inventory.satellite_allow_list import allowed
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

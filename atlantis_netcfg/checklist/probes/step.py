@@ -14,19 +14,19 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.inventory.model import Endpoints, EvidenceKind, Router, SeenFrom, Site, WifiEndpoint, WifiRole
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from datetime import datetime
 
-    from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.links.qualify.record import QualifyRecord
+    from atlantis_netcfg.links.status import Query
     from atlantis_netcfg.robots.observation import Observation
 
 

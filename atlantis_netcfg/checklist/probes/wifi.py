@@ -25,10 +25,6 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.wifi import Family, WifiPeer
-from atlantis_netcfg.bearers.wifi import queries as wifi_queries
-from atlantis_netcfg.bearers.wifi import read as read_wifi
 from atlantis_netcfg.checklist.probes.bearer_probe import link_steps, reserved_mac
 from atlantis_netcfg.checklist.probes.ping import (
     Pinged,
@@ -63,6 +59,10 @@ from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import channels
 from atlantis_netcfg.inventory.model import Column, WifiEndpoint, WifiRole
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.wifi import Family, WifiPeer
+from atlantis_netcfg.links.wifi import queries as wifi_queries
+from atlantis_netcfg.links.wifi import read as read_wifi
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

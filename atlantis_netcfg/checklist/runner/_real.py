@@ -277,8 +277,8 @@ def link_record(declaration: Declaration, request: Request, question: LinkRecord
 
     A file of figures proves nothing.
     """
+    from atlantis_netcfg.links.qualify.archive import kept_runs, made_anew  # noqa: PLC0415 - as above
     from atlantis_netcfg.operations.qualify.plan import thresholds_of  # noqa: PLC0415 - few checklists ask for it
-    from atlantis_netcfg.qualify.kept import kept_runs, made_anew  # noqa: PLC0415 - as above
 
     now = datetime.now(UTC)
     try:

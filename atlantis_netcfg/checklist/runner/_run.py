@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.checklist import PlanEntry
     from atlantis_netcfg.checklist.probes import Answer, Cell, Judged, Place, Question
     from atlantis_netcfg.checklist.runner._real import Ears
+    from atlantis_netcfg.links.status import Query
 
 
 READING: Final = frozenset({"print", "monitor", "info", "show-capabilities"})

@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers.cost import Preview, preview
 from atlantis_netcfg.checklist.probes import (
     AllowListTestRequest,
     DdsDiscoverRequest,
@@ -22,6 +21,7 @@ from atlantis_netcfg.checklist.probes import (
 from atlantis_netcfg.checklist.probes.agent import batch, program
 from atlantis_netcfg.checklist.runner.robots import listening_preview
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.links.cost import Preview, preview
 from atlantis_netcfg.operations.allow_list_test.site import previews as proof_previews
 from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 from atlantis_netcfg.operations.bearers import bearer_of

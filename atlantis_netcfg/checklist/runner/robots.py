@@ -21,8 +21,8 @@ from atlantis_netcfg.operations.costs import unpaid
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.bearers.cost import Preview
     from atlantis_netcfg.inventory import Declaration
+    from atlantis_netcfg.links.cost import Preview
     from atlantis_netcfg.operations.request import Request
 
 

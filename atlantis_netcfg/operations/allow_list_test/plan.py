@@ -7,13 +7,13 @@ import socket
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES
-from atlantis_netcfg.bearers.satellite import Expected, NamedTarget, SatelliteProbe
-from atlantis_netcfg.bearers.standing import NTP_BYTES
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched
 from atlantis_netcfg.core.packets import ECHO_BYTES
 from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Pilot, Transport
 from atlantis_netcfg.inventory.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed, far_end
+from atlantis_netcfg.links.policy import ROUTE_PROPERTIES
+from atlantis_netcfg.links.satellite import Expected, NamedTarget, SatelliteProbe
+from atlantis_netcfg.links.standing_traffic import NTP_BYTES
 from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:

@@ -8,9 +8,12 @@ from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
-from atlantis_netcfg.bearers.satellite import (
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, complete
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
+from atlantis_netcfg.inventory.satellite_allow_list import far_end
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.policy import BearerRoute, active_bearer
+from atlantis_netcfg.links.satellite import (
     FACTORY_ADDRESSES,
     WINDOW_S,
     Attempt,
@@ -20,9 +23,6 @@ from atlantis_netcfg.bearers.satellite import (
     judge_attempt,
     judge_factory_address,
 )
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, complete
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.inventory.satellite_allow_list import far_end
 from atlantis_netcfg.operations.allow_list_test.plan import (
     BUDGET_BYTES,
     MARK,

@@ -6,8 +6,8 @@ import asyncio
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.cost import Bill, Preview, preview
-from atlantis_netcfg.bearers.satellite import judge_names
+from atlantis_netcfg.links.cost import Bill, Preview, preview
+from atlantis_netcfg.links.satellite import judge_names
 from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
 from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -21,9 +21,9 @@ from atlantis_netcfg.runs import NoJournal
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.links import BearerFinding
     from atlantis_netcfg.operations.request import Request
 
 

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.emulator.udp_link import UdpRelay
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
 from atlantis_netcfg.operations.qualify.far_end import source_of
 from atlantis_netcfg.operations.qualify.way import MeasuredFlow
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity, vpn_server
 from atlantis_netcfg.operations.vpn.router import identity_for
-from atlantis_netcfg.qualify.transport import UdpTransport
 from atlantis_netcfg.vpn.identity import Wrap
 from atlantis_netcfg.vpn.pki.keys import FirstPacket
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.cost import Bill, bill
-from atlantis_netcfg.bearers.policy import BearerRoute, active_bearers, probe_commands
-from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.inventory.model import Bearer, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.cost import Bill, bill
+from atlantis_netcfg.links.policy import BearerRoute, active_bearers, probe_commands
+from atlantis_netcfg.links.satellite import judge_names
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
 from atlantis_netcfg.operations.bearers import FAST_S, LAN, PATIENCE_S, bearer_of
 from atlantis_netcfg.operations.costs import ways_of
@@ -48,9 +48,9 @@ from atlantis_netcfg.runs.report.links import LinksReport
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers import BearerStatus
-    from atlantis_netcfg.bearers.standing import StandingTraffic
     from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.links import BearerStatus
+    from atlantis_netcfg.links.standing_traffic import StandingTraffic
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.link_use import LinkUse
 

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, BearerRoute, PolicyProbe, probe_commands
+from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, BearerRoute, PolicyProbe, probe_commands
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
 from atlantis_netcfg.routeros.link_use import LinkUse, in_use
 from atlantis_netcfg.routeros.observe import seconds
@@ -18,7 +18,7 @@ from atlantis_netcfg.routeros.scheduler_jobs import ARMED
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers.status import Query
+    from atlantis_netcfg.links.status import Query
     from atlantis_netcfg.routeros._types import Row
 
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState, Quality
-from atlantis_netcfg.bearers import wifi as radios
-from atlantis_netcfg.bearers.lte import LteReading, Registration, judge, routeros
-from atlantis_netcfg.bearers.satellite import judge_carrier_nat, judge_factory_address
-from atlantis_netcfg.bearers.wifi import Family, WifiExpected, WifiReading, queries
-from atlantis_netcfg.bearers.wifi import read as read_wifi
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Bearer, Cpe, LteDriver, PtpMode
+from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState, Quality
+from atlantis_netcfg.links import wifi as radios
+from atlantis_netcfg.links.lte import LteReading, Registration, judge, routeros
+from atlantis_netcfg.links.satellite import judge_carrier_nat, judge_factory_address
+from atlantis_netcfg.links.wifi import Family, WifiExpected, WifiReading, queries
+from atlantis_netcfg.links.wifi import read as read_wifi
 from atlantis_netcfg.operations.links.session import Echo, ReadOnlySession, RouterReading, SessionPort, command, rows
 from atlantis_netcfg.operations.terminals import is_terminal, look
 from atlantis_netcfg.routeros.api import Command, Reply, Session
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from datetime import date
 
-    from atlantis_netcfg.bearers.policy import BearerRoute
     from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.links.policy import BearerRoute
     from atlantis_netcfg.operations.lte.units import LteUnit
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.runs import Store

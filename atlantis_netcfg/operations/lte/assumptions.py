@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers.lte import Registration, rutos_read
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.lte import Registration, rutos_read
 from atlantis_netcfg.routeros.assumptions import READS, Assumption, person
 from atlantis_netcfg.routeros.verify import AssumptionFinding, SeenAnswers
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.bearers.lte import Registration, rutos_client, rutos_settings
-from atlantis_netcfg.bearers.lte.judge import quality
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete, worst
 from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
+from atlantis_netcfg.links.lte import Registration, rutos_client, rutos_settings
+from atlantis_netcfg.links.lte.judge import quality
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.kinds import is_unit
 from atlantis_netcfg.operations.lte.units import FINE, LteResult, LteUnit, NotRehearsed, UnitStatus, words
@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers.lte.rutos_settings import SettingChange
     from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.links.lte.rutos_settings import SettingChange
     from atlantis_netcfg.operations.request import EventStream
     from atlantis_netcfg.routeros.console.ssh import Commands
 

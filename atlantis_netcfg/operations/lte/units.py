@@ -6,13 +6,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
-from atlantis_netcfg.bearers.lte import judge as record
-from atlantis_netcfg.bearers.lte.judge import LteExpected, judge
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Subscriber, Verdict
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.inventory.model import LteAccess, LteDriver, LteRouter
+from atlantis_netcfg.links.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
+from atlantis_netcfg.links.lte import judge as record
+from atlantis_netcfg.links.lte.judge import LteExpected, judge
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.terminals import TriedPin
 from atlantis_netcfg.routeros.console.ssh import Commands, open_commands
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers import BearerFinding, Quality
-    from atlantis_netcfg.bearers.lte import LteReading
-    from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
-    from atlantis_netcfg.bearers.lte.rutos_settings import LteSettings
     from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.inventory import Host
+    from atlantis_netcfg.links import BearerFinding, Quality
+    from atlantis_netcfg.links.lte import LteReading
+    from atlantis_netcfg.links.lte.rutos_client import RutosEndpoint
+    from atlantis_netcfg.links.lte.rutos_settings import LteSettings
     from atlantis_netcfg.routeros.apply import Status
     from atlantis_netcfg.runs import Pins, Store
 

@@ -2,7 +2,7 @@
 
 `plan` says what is sent and how much that is at most, `measure` sends it, `way` has the router lead this computer's
 test packets over one bearer and count them on all, `run` puts them together for a declared site, and `result` says what
-came of it. Figures and verdicts are those of the package `atlantis_netcfg.qualify`.
+came of it. Figures and verdicts are those of the package `atlantis_netcfg.links.qualify`.
 """
 
 from __future__ import annotations

@@ -18,9 +18,9 @@ from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.udp_link import UdpRelay
+from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS, VPN_HEADERS
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.link_shapes import link_shapes
-from atlantis_netcfg.qualify.budget import IPV4_HEADERS, VPN_HEADERS
-from atlantis_netcfg.qualify.transport import UdpTransport
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -93,7 +93,7 @@ def emulated_link(
 
 @contextmanager
 def _reflector(folder: Path, key: bytes | None) -> Iterator[int]:
-    module, who = ["-P", "-m", "atlantis_netcfg.qualify.reflector"], ["--unauthenticated"]
+    module, who = ["-P", "-m", "atlantis_netcfg.links.qualify.reflector"], ["--unauthenticated"]
     if key is not None:
         write_private(folder / "key", key)
         who = ["--key-file", str(folder / "key")]

@@ -16,10 +16,10 @@ from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError
 from atlantis_netcfg.gateway.reflector import QUALIFY_SERVICE
 from atlantis_netcfg.inventory.model import ServerComputer, Transport
 from atlantis_netcfg.inventory.satellite_allow_list import admits, allowed, far_end
+from atlantis_netcfg.links.qualify.measured_run import Selection
+from atlantis_netcfg.links.qualify.reflector.stamp import PORT, reflector_key
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
 from atlantis_netcfg.operations.vpn.link import ssh_command
-from atlantis_netcfg.qualify.measured_run import Selection
-from atlantis_netcfg.qualify.reflector.stamp import PORT, reflector_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -7,27 +7,27 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.messages import MessageStream
+from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
+from atlantis_netcfg.links.qualify.path_mtu import ETHERNET, PathMtu, path_mtu
+from atlantis_netcfg.links.qualify.reflector.stamp import AUTHENTICATED_SIZE
+from atlantis_netcfg.links.qualify.samples import MessageEnded, PacketSent, ReplyReceived
+from atlantis_netcfg.links.qualify.search import RateLimit, SustainedRate, sustained_rate
+from atlantis_netcfg.links.qualify.session import EndReason, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transfers import message_figures
 from atlantis_netcfg.operations.qualify.plan import HIGHEST_HZ
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.messages import MessageStream
-from atlantis_netcfg.qualify.messages_down import DownMessageStream
-from atlantis_netcfg.qualify.path_mtu import ETHERNET, PathMtu, path_mtu
-from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE
-from atlantis_netcfg.qualify.samples import MessageEnded, PacketSent, ReplyReceived
-from atlantis_netcfg.qualify.search import RateLimit, SustainedRate, sustained_rate
-from atlantis_netcfg.qualify.session import EndReason, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transfers import message_figures
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from atlantis_netcfg.links.qualify.budget import BudgetGuard
+    from atlantis_netcfg.links.qualify.messages import MessagePlan
+    from atlantis_netcfg.links.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer
+    from atlantis_netcfg.links.qualify.transfers import MessageFigures
+    from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
     from atlantis_netcfg.operations.qualify.plan import QualifyPlan, RateCell
-    from atlantis_netcfg.qualify.budget import BudgetGuard
-    from atlantis_netcfg.qualify.messages import MessagePlan
-    from atlantis_netcfg.qualify.samples import Sample
-    from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer
-    from atlantis_netcfg.qualify.transfers import MessageFigures
-    from atlantis_netcfg.qualify.transport import Arrival, DatagramTransport
 
 LED, IDLE, LOADED, LOAD_UP, LOAD_DOWN = "led", "idle", "loaded", "load up", "load down"
 CUT_OFF = "cut off"

@@ -11,8 +11,8 @@ from math import ceil
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.inventory.model import Pace
-from atlantis_netcfg.qualify.budget import IPV4_HEADERS, VPN_HEADERS
-from atlantis_netcfg.qualify.grids import (
+from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS, VPN_HEADERS
+from atlantis_netcfg.links.qualify.grids import (
     IMAGE_RATES_HZ,
     IMAGES,
     TELEMETRY_RATES_HZ,
@@ -23,19 +23,19 @@ from atlantis_netcfg.qualify.grids import (
     telemetry_plan,
     train_bytes,
 )
-from atlantis_netcfg.qualify.judgement import profile
-from atlantis_netcfg.qualify.measured_run import Selection
-from atlantis_netcfg.qualify.messages import MessagePlan
-from atlantis_netcfg.qualify.messages_down import requested_bytes
-from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE
-from atlantis_netcfg.qualify.search import FIRST_HZ, HALVINGS
-from atlantis_netcfg.qualify.session import TrainPlan
+from atlantis_netcfg.links.qualify.judgement import profile
+from atlantis_netcfg.links.qualify.measured_run import Selection
+from atlantis_netcfg.links.qualify.messages import MessagePlan
+from atlantis_netcfg.links.qualify.messages_down import requested_bytes
+from atlantis_netcfg.links.qualify.reflector.stamp import AUTHENTICATED_SIZE
+from atlantis_netcfg.links.qualify.search import FIRST_HZ, HALVINGS
+from atlantis_netcfg.links.qualify.session import TrainPlan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.qualify.judgement import QualifyProfile
+    from atlantis_netcfg.links.qualify.judgement import QualifyProfile
 
 IDLE_PACKETS: Final = 600
 """As many as the shipped thresholds ask for (`min_samples`)."""

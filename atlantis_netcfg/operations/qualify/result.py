@@ -6,22 +6,22 @@ from dataclasses import asdict, dataclass
 from decimal import ROUND_CEILING, Decimal
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.bearers.cost import size
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import from_home
+from atlantis_netcfg.links.cost import size
+from atlantis_netcfg.links.qualify.grids import table
+from atlantis_netcfg.links.qualify.session import EndReason
 from atlantis_netcfg.operations.qualify.measure import CUT_OFF
-from atlantis_netcfg.qualify.grids import table
-from atlantis_netcfg.qualify.session import EndReason
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import NetcfgError
-    from atlantis_netcfg.qualify.judgement import Judgement
-    from atlantis_netcfg.qualify.measured_run import MeasuredRun
-    from atlantis_netcfg.qualify.record import HighestRate, QualifyRecord
+    from atlantis_netcfg.links.qualify.judgement import Judgement
+    from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
+    from atlantis_netcfg.links.qualify.record import HighestRate, QualifyRecord
 
 _CENT: Final = Decimal("0.01")
 

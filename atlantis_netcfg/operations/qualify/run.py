@@ -13,6 +13,20 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
+from atlantis_netcfg.links.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.measured_run import (
+    SAMPLES_FILE,
+    BudgetLimits,
+    FarEnd,
+    LinkCount,
+    MeasuredRun,
+    Selection,
+    write_run,
+)
+from atlantis_netcfg.links.qualify.reflector.clock import ClockState, kernel_clock
+from atlantis_netcfg.links.qualify.samples import SampleWriter
+from atlantis_netcfg.links.qualify.session import ReflectorPeer
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.allow_list_test.prove import temporarily
 from atlantis_netcfg.operations.costs import ports_of
 from atlantis_netcfg.operations.jobs import device_job
@@ -31,20 +45,6 @@ from atlantis_netcfg.operations.qualify.way import (
     rows,
 )
 from atlantis_netcfg.operations.site_links import link_of
-from atlantis_netcfg.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
-from atlantis_netcfg.qualify.measured_run import (
-    SAMPLES_FILE,
-    BudgetLimits,
-    FarEnd,
-    LinkCount,
-    MeasuredRun,
-    Selection,
-    write_run,
-)
-from atlantis_netcfg.qualify.reflector.clock import ClockState, kernel_clock
-from atlantis_netcfg.qualify.samples import SampleWriter
-from atlantis_netcfg.qualify.session import ReflectorPeer
-from atlantis_netcfg.qualify.transport import UdpTransport
 from atlantis_netcfg.routeros.api import Command, Session
 from atlantis_netcfg.runs import NoJournal
 
@@ -55,11 +55,11 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
+    from atlantis_netcfg.links.qualify.transport import DatagramTransport
     from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
     from atlantis_netcfg.operations.qualify.plan import QualifyPlan
     from atlantis_netcfg.operations.qualify.way import FlowCounts
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.qualify.transport import DatagramTransport
 
 _ALIVE_S: Final = 10.0
 """How often the router is asked whether its session is there: without it the rows go, and packets stray."""

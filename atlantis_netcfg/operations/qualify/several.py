@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.cost import bill
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, worst
-from atlantis_netcfg.qualify.budget import BudgetLimit
-from atlantis_netcfg.qualify.measured_run import BudgetLimits
-from atlantis_netcfg.qualify.session import EndReason
+from atlantis_netcfg.links.cost import bill
+from atlantis_netcfg.links.qualify.budget import BudgetLimit
+from atlantis_netcfg.links.qualify.measured_run import BudgetLimits
+from atlantis_netcfg.links.qualify.session import EndReason
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

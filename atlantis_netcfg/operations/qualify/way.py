@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.qualify.measured_run import LinkCount
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
-from atlantis_netcfg.qualify.measured_run import LinkCount
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:

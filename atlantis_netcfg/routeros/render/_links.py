@@ -8,8 +8,8 @@ from ipaddress import IPv4Address, IPv4Interface, IPv4Network
 from math import ceil
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.standing import canaries
 from atlantis_netcfg.inventory.satellite_allow_list import allowed
+from atlantis_netcfg.links.standing_traffic import canaries
 from atlantis_netcfg.routeros.render._environment import environment
 from atlantis_netcfg.routeros.render.view import (
     Declared,

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes import Answer, Place, RouterOsQuery, Rows, Trouble
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links.status import Query
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 

@@ -23,11 +23,11 @@ from matrix_stand import NET, SERVER, Vpn, vpn
 from slow_link import DELAY_S, DOWN_BPS, UP_BPS
 from waiting import HANG_S
 
-from atlantis_netcfg.bearers.standing import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, published
 from atlantis_netcfg.gateway.dds import TUNING, ProfileView, profile_in_use, profile_views, profiles
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
 from atlantis_netcfg.inventory.satellite_allow_list import allowed
+from atlantis_netcfg.links.standing_traffic import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, published
 from atlantis_netcfg.operations.standing import declared_pace, standing_traffic
 from atlantis_netcfg.vpn import server as vpn_server
 from atlantis_netcfg.vpn.identity import TIMERS, MemberLink

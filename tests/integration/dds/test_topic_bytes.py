@@ -21,10 +21,10 @@ from dds_stand import CENTRE, GATEWAY, Participant, Stand, routed, tunnelled
 from slow_link import DELAY_S, UP_BPS
 from waiting import wait_until
 
-from atlantis_netcfg.bearers.standing import NO_VPN, DdsMessages, LinkPace, SteadyTopic
 from atlantis_netcfg.gateway.dds import SIZES, profile_views, profiles
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, DdsPath, RosDistribution, RosMiddleware
+from atlantis_netcfg.links.standing_traffic import NO_VPN, DdsMessages, LinkPace, SteadyTopic
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

@@ -6,10 +6,6 @@ from typing import Any
 import pytest
 from engine_bench import Bench, on
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.lte import Registration
-from atlantis_netcfg.bearers.lte.judge import LteExpected, judge
-from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
 from atlantis_netcfg.emulator.routeros import (
     CellSpec,
     EmulatedSite,
@@ -21,6 +17,10 @@ from atlantis_netcfg.emulator.routeros import (
 )
 from atlantis_netcfg.emulator.routeros.control import obey
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.lte import Registration
+from atlantis_netcfg.links.lte.judge import LteExpected, judge
+from atlantis_netcfg.links.lte.routeros import log_query, queries, read
 from atlantis_netcfg.operations.links.session import ReadOnlySession
 from atlantis_netcfg.operations.links.status import modem_reading
 from atlantis_netcfg.routeros import JobMode, desired

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import DeviceMode
 from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.links.policy import BearerRoute, active_bearer
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.routeros.render import router
 

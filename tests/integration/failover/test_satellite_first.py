@@ -11,8 +11,8 @@ import pytest
 import yaml
 from quay_world import INVENTORY, World, shipped
 
-from atlantis_netcfg.bearers.standing import TrafficSource
 from atlantis_netcfg.inventory import InventoryInvalid, load
+from atlantis_netcfg.links.standing_traffic import TrafficSource
 from atlantis_netcfg.operations.standing import standing_traffic
 from atlantis_netcfg.routeros import rsc
 from atlantis_netcfg.routeros.render import router, router_view

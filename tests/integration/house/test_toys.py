@@ -113,7 +113,7 @@ MENUS += (of_schema("/system/watchdog", noun="watchdog", kinds={"watch-address":
 LOOKED_AT = """
 import json
 from pathlib import Path
-from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.links.cost import preview
 from atlantis_netcfg.checklist.plan import plan
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.inventory.loader import load
@@ -257,7 +257,7 @@ class Interface:
         self.router = router
 
     def asks(self):
-        from atlantis_netcfg.bearers.status import Query
+        from atlantis_netcfg.links.status import Query
         from atlantis_netcfg.checklist.probes.step import RouterOsQuery
 
         query = Query("/interface/ethernet", "print", (), ("name",))

@@ -7,7 +7,7 @@ from pathlib import Path
 import preforked
 import pytest
 
-from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile, write_profile
+from atlantis_netcfg.links.qualify.profile import DirectionProfile, LinkProfile, write_profile
 
 _RUN = "4g-20261126T022248Z"
 _ONE_WAY_S = 0.4

@@ -8,8 +8,8 @@ import pytest
 from hints_said import advised, said
 from quay import ROUTER, Quay, quay
 
-from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links.policy import active_bearer
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 

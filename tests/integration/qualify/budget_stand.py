@@ -16,13 +16,13 @@ from dataclasses import asdict, dataclass
 from decimal import Decimal
 from pathlib import Path
 
-from atlantis_netcfg.bearers.cost import Tariff, bill
 from atlantis_netcfg.emulator.udp_link import LinkShape, UdpRelay
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.messages_down import DownMessageStream
-from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transport import UdpTransport
+from atlantis_netcfg.links.cost import Tariff, bill
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
+from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 
 KEY = b"an example key, 32 octets long.."
 NEAR, FAR = "192.0.2.1", "192.0.2.2"
@@ -91,7 +91,7 @@ def far_end() -> None:
     with tempfile.NamedTemporaryFile() as key:
         Path(key.name).write_bytes(KEY)
         words = ["--address", "127.0.0.1", "--port", "0", "--key-file", key.name]
-        program = [sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", *words]
+        program = [sys.executable, "-P", "-m", "atlantis_netcfg.links.qualify.reflector", *words]
         with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
             assert process.stdout is not None
             port = int(process.stdout.readline().split()[-1])

@@ -15,14 +15,14 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "qualify"))
 from example_runs import measured_run
 
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.judgement import profile
+from atlantis_netcfg.links.qualify.measured_run import Selection
+from atlantis_netcfg.links.qualify.record import make_record
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.judgement import profile
-from atlantis_netcfg.qualify.measured_run import Selection
-from atlantis_netcfg.qualify.record import make_record
-from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan
-from atlantis_netcfg.qualify.transport import UdpTransport
 
 KEY = b"an example key, 32 octets long.."
 INVENTORY = Path(__file__).parents[3] / "inventory"

@@ -20,15 +20,15 @@ from test_qualify_real_sockets import KEY, reflector
 from waiting import HANG_S, measure, wait_until
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape, UdpRelay
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
-from atlantis_netcfg.qualify.messages_down import DownMessageStream
-from atlantis_netcfg.qualify.reflector.stamp import chunk_room
-from atlantis_netcfg.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
-from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transfers import message_figures
-from atlantis_netcfg.qualify.transport import UdpTransport
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
+from atlantis_netcfg.links.qualify.reflector.stamp import chunk_room
+from atlantis_netcfg.links.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transfers import message_figures
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "qualify"))
 
@@ -36,7 +36,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from tolerances import tolerances
 
-from atlantis_netcfg.qualify.samples import Sample
+from atlantis_netcfg.links.qualify.samples import Sample
 
 DEBIAN = Path(__file__).parents[3] / ".venv-setup" / "debian"
 IRTT = DEBIAN / "irtt" / "usr" / "bin" / "irtt"

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from budget_stand import LARGEST, TARIFF, Outcome
 
-from atlantis_netcfg.bearers.cost import bill
+from atlantis_netcfg.links.cost import bill
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "qualify"))
 

@@ -27,12 +27,12 @@ from matrix_stand import CENTRE, NET, _cable, _ip, _namespace, vpn
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.measured_run import SAMPLES_FILE, BudgetLimits, Selection
+from atlantis_netcfg.links.qualify.samples import read
 from atlantis_netcfg.operations.qualify import plan, run
 from atlantis_netcfg.operations.qualify.far_end import far_end_of
 from atlantis_netcfg.operations.qualify.run import TUNNEL_MTU, LinkRun
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, BudgetLimits, Selection
-from atlantis_netcfg.qualify.samples import read
 from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
 from atlantis_netcfg.vpn.identity import MemberKind
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 
     from matrix_stand import Vpn
 
+    from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.qualify.measured_run import MeasuredRun
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 SHIPPED = Path(__file__).parents[3] / "inventory"
@@ -159,7 +159,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Vpn]:
         key = folder / "stamp.key"
         key.write_bytes(far_end_of(declaration, over_vpn=True).key or b"")
         far = made.start(
-            CENTRE, sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", "--key-file", str(key)
+            CENTRE, sys.executable, "-P", "-m", "atlantis_netcfg.links.qualify.reflector", "--key-file", str(key)
         )
         assert far.stdout is not None
         with far.stdout:

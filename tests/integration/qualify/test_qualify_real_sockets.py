@@ -10,15 +10,15 @@ import pytest
 from waiting import HANG_S, measure
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape, UdpRelay
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
-from atlantis_netcfg.qualify.messages_down import DownMessageStream
-from atlantis_netcfg.qualify.reflector.stamp import chunk_room
-from atlantis_netcfg.qualify.samples import SampleWriter, read
-from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transfers import message_figures
-from atlantis_netcfg.qualify.transport import UdpTransport
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
+from atlantis_netcfg.links.qualify.reflector.stamp import chunk_room
+from atlantis_netcfg.links.qualify.samples import SampleWriter, read
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transfers import message_figures
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "qualify"))
 
@@ -26,7 +26,7 @@ from collections.abc import Iterator
 
 from tolerances import tolerances
 
-from atlantis_netcfg.qualify.samples import Sample
+from atlantis_netcfg.links.qualify.samples import Sample
 
 KEY = b"an example key, 32 octets long.."
 
@@ -39,7 +39,7 @@ class reflector:  # noqa: N801 - a context
         (folder / "key").write_bytes(KEY + b"\n")
         words = ["--address", "127.0.0.1", "--port", "0", "--key-file", str(folder / "key"), *more]
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", *words],
+            [sys.executable, "-P", "-m", "atlantis_netcfg.links.qualify.reflector", *words],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -159,7 +159,7 @@ def test_the_program_needs_a_key_or_the_word_that_it_goes_without(key: str | Non
     if key is not None:
         (tmp_path / "key").write_text(key)
         words = ["--key-file", str(tmp_path / "key")]
-    command = [sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", "--port", "0", *words]
+    command = [sys.executable, "-P", "-m", "atlantis_netcfg.links.qualify.reflector", "--port", "0", *words]
     ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=HANG_S)
     assert ended.returncode == 2
     expected = "has fewer than 16 octets" if key else "--key-file --unauthenticated is required"

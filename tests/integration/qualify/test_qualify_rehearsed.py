@@ -11,9 +11,9 @@ from typing import Any
 import preforked
 import pytest
 
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, read_run
-from atlantis_netcfg.qualify.samples import read
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.measured_run import SAMPLES_FILE, read_run
+from atlantis_netcfg.links.qualify.samples import read
 
 
 def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProcess[str]:

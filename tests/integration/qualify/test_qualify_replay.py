@@ -10,14 +10,21 @@ from test_qualify_real_sockets import KEY, reflector
 from waiting import measure
 
 from atlantis_netcfg.emulator.udp_link import LinkShape, UdpRelay
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.figures import TrainFigures, train_figures
+from atlantis_netcfg.links.qualify.judgement import profile as thresholds
+from atlantis_netcfg.links.qualify.measured_run import (
+    SAMPLES_FILE,
+    BudgetLimits,
+    FarEnd,
+    MeasuredRun,
+    Selection,
+    write_run,
+)
+from atlantis_netcfg.links.qualify.samples import SampleWriter, read
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.link_shapes import open_replay, replayed
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.figures import TrainFigures, train_figures
-from atlantis_netcfg.qualify.judgement import profile as thresholds
-from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, BudgetLimits, FarEnd, MeasuredRun, Selection, write_run
-from atlantis_netcfg.qualify.samples import SampleWriter, read
-from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transport import UdpTransport
 
 _PLAN = TrainPlan(172, 0.02, 4, timeout_s=1.5)
 _SHARE = 0.05

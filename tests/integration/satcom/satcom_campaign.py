@@ -30,10 +30,8 @@ from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.gateway.dds import profile_views, profiles
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Dds, RosDistribution, RosMiddleware
-from atlantis_netcfg.operations.link_shapes import replayed
-from atlantis_netcfg.qualify.answers import answered_packets
-from atlantis_netcfg.qualify.figures import TrainFigures, train_figures
-from atlantis_netcfg.qualify.grids import (
+from atlantis_netcfg.links.qualify.figures import TrainFigures, train_figures
+from atlantis_netcfg.links.qualify.grids import (
     IMAGE_RATES_HZ,
     IMAGES,
     TELEMETRY_RATES_HZ,
@@ -42,9 +40,11 @@ from atlantis_netcfg.qualify.grids import (
     image_row,
     telemetry_row,
 )
-from atlantis_netcfg.qualify.profile import read_profile
-from atlantis_netcfg.qualify.samples import PacketSent, ReplyReceived, Sample, read
-from atlantis_netcfg.qualify.transfers import message_figures
+from atlantis_netcfg.links.qualify.profile import read_profile
+from atlantis_netcfg.links.qualify.responses import answered_packets
+from atlantis_netcfg.links.qualify.samples import PacketSent, ReplyReceived, Sample, read
+from atlantis_netcfg.links.qualify.transfers import message_figures
+from atlantis_netcfg.operations.link_shapes import replayed
 
 ROOT = Path(__file__).parents[3]
 PROGRAMS = Path(__file__).with_name("programs")
@@ -173,7 +173,7 @@ def _test_packets(made: Vpn, folder: Path, grid: Sequence[Cell], idle_s: float, 
     rows = [[cell.kind, cell.label, cell.octets, cell.rate_hz, cell.seconds] for cell in grid]
     told = {"far_end": [address, PORT], "key": str(key), "samples": str(file), "idle_s": idle_s}
     plan.write_text(json.dumps({**told, "cells": rows, "patience_s": patience_s}))
-    reflector = ("-P", "-m", "atlantis_netcfg.qualify.reflector", "--address", address, "--port", str(PORT))
+    reflector = ("-P", "-m", "atlantis_netcfg.links.qualify.reflector", "--address", address, "--port", str(PORT))
     far = Participant("reflector", made.start(CENTRE, sys.executable, *reflector, "--key-file", str(key)))
     assert far.wait(lambda: any("ready" in line for line in far.lines), time.monotonic() + _PATIENCE_S), far.lines
     made.run(GATEWAY, sys.executable, "-P", str(PROGRAMS / "stamp_cells.py"), str(plan))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.qualify.figures import percentile
-from atlantis_netcfg.qualify.grids import SHAPE_UNKNOWN
+from atlantis_netcfg.links.qualify.figures import percentile
+from atlantis_netcfg.links.qualify.grids import SHAPE_UNKNOWN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from satcom_campaign import Campaign, DdsRow
 
     from atlantis_netcfg.emulator.udp_link import LinkShape
-    from atlantis_netcfg.qualify.grids import RateRow
+    from atlantis_netcfg.links.qualify.grids import RateRow
 
 ROUND_TRIPS, RECEIVED = "satcom-round-trips.svg", "satcom-received.svg"
 _WIDTH, _HEIGHT, _LEFT, _BOTTOM, _TOP, _RIGHT = 640, 360, 60, 50, 40, 30

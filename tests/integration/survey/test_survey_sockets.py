@@ -14,11 +14,11 @@ from voyage_stand import DECLARATION, UNIT
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd
+from atlantis_netcfg.links.qualify.reflector.__main__ import answer_waiting, open_socket
+from atlantis_netcfg.links.qualify.reflector.answering import Reflector
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.lte.units import emulated_units
 from atlantis_netcfg.operations.qualify.far_end import key_of
-from atlantis_netcfg.qualify.reflector.__main__ import answer_waiting, open_socket
-from atlantis_netcfg.qualify.reflector.answering import Reflector
 from atlantis_netcfg.runs import Store
 from atlantis_netcfg.survey.measure import SurveyPlan
 from atlantis_netcfg.survey.positions import TrackPosition
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.survey.points import SurveyPoint
 
 

@@ -14,9 +14,9 @@ from ports import held_port
 
 from atlantis_netcfg.emulator.coverage import out_and_back, two_masts
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.lte.units import emulated_units
-from atlantis_netcfg.qualify.session import ReflectorPeer
 from atlantis_netcfg.runs import Store
 from atlantis_netcfg.survey.measure import LinkTester, RunningSurvey, SurveyPlan
 from atlantis_netcfg.survey.points import SurveyPoint

@@ -6,11 +6,11 @@ from typing import Any, cast
 import pytest
 from npk_files import write
 
-from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.links.cost import CostRefused
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.site_links import link_of

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from atlantis_netcfg.bearers.lte import routeros
-from atlantis_netcfg.bearers.lte.judge import LteExpected
-from atlantis_netcfg.bearers.lte.judge import judge as judge_lte
-from atlantis_netcfg.bearers.status import decibels, megabits, percent, seconds, whole, yes
-from atlantis_netcfg.bearers.wifi import Family, WifiExpected, judge, link_state, quality, read
+from atlantis_netcfg.links.lte import routeros
+from atlantis_netcfg.links.lte.judge import LteExpected
+from atlantis_netcfg.links.lte.judge import judge as judge_lte
+from atlantis_netcfg.links.status import decibels, megabits, percent, seconds, whole, yes
+from atlantis_netcfg.links.wifi import Family, WifiExpected, judge, link_state, quality, read
 
 WORDS = st.one_of(
     st.text(max_size=20),

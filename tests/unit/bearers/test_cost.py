@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from atlantis_netcfg.bearers.cost import Basis, MeteredLink, Tariff, bill, preview, size
-from atlantis_netcfg.bearers.standing import NO_VPN, DdsMessages, LinkPace, SteadyTopic
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.gateway.dds import SIZES
 from atlantis_netcfg.inventory.model import RosMiddleware
+from atlantis_netcfg.links.cost import Basis, MeteredLink, Tariff, bill, preview, size
+from atlantis_netcfg.links.standing_traffic import NO_VPN, DdsMessages, LinkPace, SteadyTopic
 
 CERTUS_100 = Tariff(Decimal(8), "EUR", min_session_bytes=5000, floor_bytes_per_s=300, floor_after_s=300)
 """The published fair-use rule; the price is an example."""

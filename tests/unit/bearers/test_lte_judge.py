@@ -4,8 +4,8 @@ from typing import Any
 import yaml
 from row_subtests import for_each_row
 
-from atlantis_netcfg.bearers.lte import LteReading, Registration
-from atlantis_netcfg.bearers.lte.judge import LteExpected, judge, link_state, quality
+from atlantis_netcfg.links.lte import LteReading, Registration
+from atlantis_netcfg.links.lte.judge import LteExpected, judge, link_state, quality
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "lte_judge_cases.yml").read_text("utf-8"))
 

@@ -6,8 +6,8 @@ import trees
 import yaml
 from row_subtests import for_each_row
 
-from atlantis_netcfg.bearers.lte import Registration
-from atlantis_netcfg.bearers.lte.routeros import IDENTITIES, log_query, modem_name, queries, read, redacted
+from atlantis_netcfg.links.lte import Registration
+from atlantis_netcfg.links.lte.routeros import IDENTITIES, log_query, modem_name, queries, read, redacted
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "lte_routeros_cases.yml").read_text("utf-8"))
 FIELDS = frozenset(trees.offered()["/interface/lte/monitor proplist"])

@@ -2,7 +2,7 @@
 
 from row_subtests import for_each_row
 
-from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer, active_bearers, probe_commands
+from atlantis_netcfg.links.policy import BearerRoute, active_bearer, active_bearers, probe_commands
 
 PTP = BearerRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp")
 LTE = BearerRoute("4g", "10.10.1.1", "10.10.1.2", ("198.51.100.21", "198.51.100.22"), "ether2", "lte", metered=True)

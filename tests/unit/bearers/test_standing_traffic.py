@@ -4,38 +4,42 @@ from decimal import Decimal
 
 import pytest
 
-from atlantis_netcfg.bearers import standing
-from atlantis_netcfg.bearers.cost import MeteredLink, Tariff
+from atlantis_netcfg.links import standing_traffic
+from atlantis_netcfg.links.cost import MeteredLink, Tariff
 
-CYCLONE = standing.DdsSizes(380, repeated=False, sample_head=84, reliability=standing.HeartbeatsUntilAcknowledged())
-FAST = standing.DdsSizes(484, repeated=True, sample_head=160, reliability=standing.HeartbeatsNowAndThen())
-CABLE = standing.LinkPace(rtt_s=0.0, up_bps=1e9)
-UDP = standing.VpnHeaders.of("udp")
+CYCLONE = standing_traffic.DdsSizes(
+    380, repeated=False, sample_head=84, reliability=standing_traffic.HeartbeatsUntilAcknowledged()
+)
+FAST = standing_traffic.DdsSizes(
+    484, repeated=True, sample_head=160, reliability=standing_traffic.HeartbeatsNowAndThen()
+)
+CABLE = standing_traffic.LinkPace(rtt_s=0.0, up_bps=1e9)
+UDP = standing_traffic.VpnHeaders.of("udp")
 
 
 def test_canaries_answer() -> None:
-    assert standing.canaries(2, 10) == standing.StandingFlow(
-        standing.TrafficSource.CANARIES, 8640 * 2 * 84, 8640 * 2 * 84, always=True
+    assert standing_traffic.canaries(2, 10) == standing_traffic.StandingFlow(
+        standing_traffic.TrafficSource.CANARIES, 8640 * 2 * 84, 8640 * 2 * 84, always=True
     )
-    assert standing.canaries(0, 10).both == 0
-    assert standing.canaries(2, 30).both * 3 == standing.canaries(2, 10).both
+    assert standing_traffic.canaries(0, 10).both == 0
+    assert standing_traffic.canaries(2, 30).both * 3 == standing_traffic.canaries(2, 10).both
 
 
 def test_questions_for_the_time() -> None:
-    assert standing.time_questions(2, 1024).both == pytest.approx(2 * 2 * 76 * standing.DAY_S / 1024)
+    assert standing_traffic.time_questions(2, 1024).both == pytest.approx(2 * 2 * 76 * standing_traffic.DAY_S / 1024)
 
 
 @pytest.mark.parametrize(("ping_s", "mb_a_day"), [(10, 1.17), (60, 0.20)])
 def test_keep_alives_as_they_were_counted_for_twenty_minutes(ping_s: float, mb_a_day: float) -> None:
     """facts/vpn.md, section 9: 1200 s at IP level, without a renegotiation."""
-    assert standing.keep_alive(ping_s, 1e12, None, None).both / 1e6 == pytest.approx(mb_a_day, rel=0.03)
-    assert standing.keep_alive(ping_s, 3600, None, None).both / 1e6 == pytest.approx(mb_a_day + 0.12, rel=0.03)
+    assert standing_traffic.keep_alive(ping_s, 1e12, None, None).both / 1e6 == pytest.approx(mb_a_day, rel=0.03)
+    assert standing_traffic.keep_alive(ping_s, 3600, None, None).both / 1e6 == pytest.approx(mb_a_day + 0.12, rel=0.03)
 
 
 def test_whoever_sends_often_sends_no_pings() -> None:
-    quiet = standing.keep_alive(60, 3600, None, None)
-    assert standing.keep_alive(60, 3600, 60, 90) == quiet
-    one_way = standing.keep_alive(60, 3600, 20, None)
+    quiet = standing_traffic.keep_alive(60, 3600, None, None)
+    assert standing_traffic.keep_alive(60, 3600, 60, 90) == quiet
+    one_way = standing_traffic.keep_alive(60, 3600, 20, None)
     assert quiet.up - one_way.up == pytest.approx(1440 * 68)
     assert one_way.down == quiet.down
 
@@ -51,9 +55,9 @@ def test_whoever_sends_often_sends_no_pings() -> None:
     ],
 )
 def test_announcements_and_what_closed_ports_answer(
-    sizes: standing.DdsSizes, processes: int, sent: int, refused: int
+    sizes: standing_traffic.DdsSizes, processes: int, sent: int, refused: int
 ) -> None:
-    announcing = standing.Announcing(processes, ports=10, every_s=20, sizes=sizes)
+    announcing = standing_traffic.Announcing(processes, ports=10, every_s=20, sizes=sizes)
     assert announcing.sent(1, UDP) == pytest.approx(sent * 4320)
     assert announcing.sent(3, UDP) == pytest.approx(3 * sent * 4320)
     assert announcing.refused(1, UDP) == pytest.approx(refused * 4320)
@@ -61,7 +65,8 @@ def test_announcements_and_what_closed_ports_answer(
 
 def test_a_kernel_refuses_once_a_second_at_most() -> None:
     assert (
-        standing.Announcing(5, ports=50, every_s=5, sizes=CYCLONE).refused(1, standing.NO_VPN) == standing.DAY_S * 408
+        standing_traffic.Announcing(5, ports=50, every_s=5, sizes=CYCLONE).refused(1, standing_traffic.NO_VPN)
+        == standing_traffic.DAY_S * 408
     )
 
 
@@ -76,21 +81,26 @@ def test_a_kernel_refuses_once_a_second_at_most() -> None:
     ],
 )
 def test_a_message_that_does_not_fit_goes_in_fragments(size_bytes: int, on_the_link: int) -> None:
-    cost = standing.DdsMessages(1200, 1100, CYCLONE, standing.NO_VPN).cost(standing.SteadyTopic(1.0, size_bytes), CABLE)
+    cost = standing_traffic.DdsMessages(1200, 1100, CYCLONE, standing_traffic.NO_VPN).cost(
+        standing_traffic.SteadyTopic(1.0, size_bytes), CABLE
+    )
     assert (cost.bytes_up, cost.bytes_down) == (on_the_link, 0)
     assert cost.packets_up == cost.fragments
 
 
 def test_telemetry_goes_to_each_subscriber() -> None:
-    topics = [(2, standing.MessageCost(1, 104, 1)), (0.5, standing.MessageCost(1, 1000, 1, 92, 1))]
-    assert standing.published(topics, 2) == standing.StandingFlow(
-        standing.TrafficSource.TELEMETRY, (208 + 500) * 2 * standing.DAY_S, 92 * standing.DAY_S
+    topics = [(2, standing_traffic.MessageCost(1, 104, 1)), (0.5, standing_traffic.MessageCost(1, 1000, 1, 92, 1))]
+    assert standing_traffic.published(topics, 2) == standing_traffic.StandingFlow(
+        standing_traffic.TrafficSource.TELEMETRY, (208 + 500) * 2 * standing_traffic.DAY_S, 92 * standing_traffic.DAY_S
     )
 
 
 def test_what_is_always_there_is_told_apart() -> None:
-    asked, said = standing.canaries(2, 30), standing.StandingFlow(standing.TrafficSource.DDS, 1_000_000, 2_000_000)
-    traffic = standing.StandingTraffic(MeteredLink("4g", "quay", metered=True), (asked, said))
+    asked, said = (
+        standing_traffic.canaries(2, 30),
+        standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 1_000_000, 2_000_000),
+    )
+    traffic = standing_traffic.StandingTraffic(MeteredLink("4g", "quay", metered=True), (asked, said))
     assert (traffic.idle_day_bytes, traffic.day_bytes) == (967_680, 3_967_680)
     assert traffic.month_bytes == 30 * traffic.day_bytes
     assert traffic.words == (
@@ -98,22 +108,25 @@ def test_what_is_always_there_is_told_apart() -> None:
         "of a day: canaries 968 kB, DDS 3.0 MB",
         "968 kB a day while another link carries the traffic",
     )
-    assert traffic.only(standing.TrafficSource.DDS).flows == (said,)
+    assert traffic.only(standing_traffic.TrafficSource.DDS).flows == (said,)
 
 
 def test_the_floor_of_a_session_that_never_ends() -> None:
     tariff = Tariff(Decimal(8), min_session_bytes=5000, floor_bytes_per_s=300, floor_after_s=300)
     link = MeteredLink("satellite", "quay", metered=True, tariff=tariff)
-    traffic = standing.StandingTraffic(link, (standing.StandingFlow(standing.TrafficSource.VPN, 100_000, 100_000),))
-    assert traffic.bill.billed_bytes == 300 * 30 * standing.DAY_S
+    traffic = standing_traffic.StandingTraffic(
+        link, (standing_traffic.StandingFlow(standing_traffic.TrafficSource.VPN, 100_000, 100_000),)
+    )
+    assert traffic.bill.billed_bytes == 300 * 30 * standing_traffic.DAY_S
     assert traffic.words[-1] == "a month is billed as 777.6 MB, the floor of a long session"
     assert traffic.words[0].endswith(": 6220.80 EUR")
     assert traffic.as_dict()["bill_month"] == traffic.bill.as_dict()
 
 
 def test_a_free_link_has_no_price() -> None:
-    traffic = standing.StandingTraffic(
-        MeteredLink("wifi-ptp", "quay", metered=False), (standing.StandingFlow(standing.TrafficSource.VPN, 1000, 1000),)
+    traffic = standing_traffic.StandingTraffic(
+        MeteredLink("wifi-ptp", "quay", metered=False),
+        (standing_traffic.StandingFlow(standing_traffic.TrafficSource.VPN, 1000, 1000),),
     )
     assert traffic.words == ("2.0 kB a day, 60 kB a month while it carries the traffic", "of a day: VPN 2.0 kB")
     assert traffic.as_dict()["bill_month"] is None
@@ -121,15 +134,15 @@ def test_a_free_link_has_no_price() -> None:
 
 def test_flows_of_one_source_are_added_up() -> None:
     flows = [
-        standing.StandingFlow(standing.TrafficSource.DDS, 1, 2),
-        standing.canaries(1, 10),
-        standing.StandingFlow(standing.TrafficSource.DDS, 3, 4),
-        standing.StandingFlow(standing.TrafficSource.TIME, 0, 0),
+        standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 1, 2),
+        standing_traffic.canaries(1, 10),
+        standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 3, 4),
+        standing_traffic.StandingFlow(standing_traffic.TrafficSource.TIME, 0, 0),
     ]
-    assert standing.added_up(flows) == (
-        standing.canaries(1, 10),
-        standing.StandingFlow(standing.TrafficSource.DDS, 4, 6),
+    assert standing_traffic.added_up(flows) == (
+        standing_traffic.canaries(1, 10),
+        standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 4, 6),
     )
-    assert standing.StandingFlow(standing.TrafficSource.DDS, 1, 2).mirrored() == standing.StandingFlow(
-        standing.TrafficSource.DDS, 2, 1
-    )
+    assert standing_traffic.StandingFlow(
+        standing_traffic.TrafficSource.DDS, 1, 2
+    ).mirrored() == standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 2, 1)

@@ -6,7 +6,7 @@ import trees
 import yaml
 from row_subtests import for_each_row
 
-from atlantis_netcfg.bearers.wifi import Family, WifiExpected, WifiReading, judge, link_state, quality, queries, read
+from atlantis_netcfg.links.wifi import Family, WifiExpected, WifiReading, judge, link_state, quality, queries, read
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "wifi_cases.yml").read_text(encoding="utf-8"))
 WANTED: dict[str, Any] = {

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist import PlanEntry
 from atlantis_netcfg.checklist.probes import (
     SITE,
@@ -37,6 +35,8 @@ from atlantis_netcfg.checklist.runner import OnAnswer, Questions, _run, examine,
 from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.status import Query
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 NOW = datetime(2026, 5, 4, 10, 30, tzinfo=UTC)

@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 from waiting import wait_until
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist import plan, probes
 from atlantis_netcfg.checklist.runner import NotReached, RealEars, _real, _way_in, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.events import Event, Verdict
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.operations.allow_list_test.prove import Proof
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.links.look import LinksStatus as LooksBack

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.checklist.probes import RobotsHeardRequest, RobotsHeardResult, Trouble
 from atlantis_netcfg.checklist.runner.cost import previews
 from atlantis_netcfg.checklist.runner.robots import ask_robots
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links.cost import preview
 from atlantis_netcfg.operations import robots_cost, robots_remote
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.site_links import link_of

@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist import Book, BookHead, Checklist, PlanEntry, Scope
 from atlantis_netcfg.checklist.probes import (
     Answer,
@@ -26,6 +25,7 @@ from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Pr
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.links import BearerFinding
 
 NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
 

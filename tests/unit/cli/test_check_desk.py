@@ -8,7 +8,6 @@ import pytest
 from check_desk import LAMP, PING, RADIO, Sitting, entry
 from PIL import Image
 
-from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.checklist import PlanEntry
 from atlantis_netcfg.checklist.probes.step import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
@@ -16,6 +15,7 @@ from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import EvidenceKind
+from atlantis_netcfg.links.cost import CostRefused
 
 WELL = "PASS hears the boat"
 

@@ -8,10 +8,10 @@ import pytest
 from check_desk import LAMP, PING, RADIO, Sitting
 from checklist_marks import marked, rest_of, without_marks
 
-from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.checklist import PlanEntry
 from atlantis_netcfg.cli._checklist_session import greet
 from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted
+from atlantis_netcfg.links.cost import CostRefused
 
 WORDS = {"sparus/wifi": ["FAIL silent", "FAIL silent"], "sparus/usbl/ping": ["PASS answers"]}
 VALUES = """

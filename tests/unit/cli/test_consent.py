@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.cli._consent import Declined, agreed, pays, removes, shown_word, whole_word, yes_or_no
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.language import Language
+from atlantis_netcfg.links.cost import CostRefused
 
 
 class Typist:

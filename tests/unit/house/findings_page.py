@@ -19,7 +19,7 @@ HELPERS = {"warn": "WARN", "fail": "FAIL", "unknown": "INCONCLUSIVE"}
 SITE_CHECKS = "checklist/probes/site_checks/"
 SECTIONS = {
     SITE_CHECKS: "The site's own checks",
-    "bearers/lte/": "4G",
+    "links/lte/": "4G",
     "bearers/satellite": "Satellite",
     "checklist/probes/satellite": "Satellite",
     "operations/allow_list_test/": "Satellite",

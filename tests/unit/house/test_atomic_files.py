@@ -21,10 +21,10 @@ from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.eventlog import EventLog
 from atlantis_netcfg.core.paths import write_private
+from atlantis_netcfg.links.qualify.judgement import profile as thresholds
+from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection, write_run
+from atlantis_netcfg.links.qualify.profile import LinkProfile, write_profile
 from atlantis_netcfg.operations import inventory_files
-from atlantis_netcfg.qualify.judgement import profile as thresholds
-from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection, write_run
-from atlantis_netcfg.qualify.profile import LinkProfile, write_profile
 from atlantis_netcfg.runs import Counters, Pins, SiteLock, Usage, unwritable
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import model

@@ -32,7 +32,7 @@ def judge(name, is_bad):
 
 def test_what_is_read_of_a_source() -> None:
     tree = ast.parse(SOURCE)
-    assert sorted(of_tree(tree, "bearers/wifi.py")) == [
+    assert sorted(of_tree(tree, "links/wifi.py")) == [
         FoundMessage("Wi-Fi", "this is odd", "", "ask …"),
         FoundMessage("Wi-Fi", "… is too weak", "FAIL or WARN", "look at it"),
     ]

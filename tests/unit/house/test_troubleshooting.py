@@ -20,7 +20,7 @@ _CAUSE = "the text is that of the error that was caught, which has a row of its 
 _REASON = "the text is a reason that REASONS reads"
 _DEVICE = "the text is the device's or the other program's own, behind its name"
 PASSED_ON = {
-    ("bearers/lte/rutos_client.py", "CertificateUnknown"): _CALLER,
+    ("links/lte/rutos_client.py", "CertificateUnknown"): _CALLER,
     ("routeros/first_contact/run.py", "CutOff"): _CAUSE,
     ("routeros/first_contact/run.py", "DeviceFailed"): _REASON,
     ("routeros/first_contact/run.py", "PreflightRefused"): _REASON,

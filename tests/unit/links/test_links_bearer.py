@@ -9,9 +9,9 @@ import pytest
 import yaml
 from row_subtests import for_each_row
 
-from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState
-from atlantis_netcfg.bearers.policy import BearerRoute
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState
+from atlantis_netcfg.links.policy import BearerRoute
 from atlantis_netcfg.operations.links.session import Echo, RouterReading, SeenNeighbour, SessionPort
 from atlantis_netcfg.operations.links.status import BoxesStatus, SeenLinks, Silent, bearer_status, ranked, twice
 

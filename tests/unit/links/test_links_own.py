@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bearers import LinkState
-from atlantis_netcfg.bearers.wifi import Family, read
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links import LinkState
+from atlantis_netcfg.links.wifi import Family, read
 from atlantis_netcfg.operations.links import look as looking
 from atlantis_netcfg.operations.links.status import BoxesStatus, RadioLook, Silent, of_bridge
 

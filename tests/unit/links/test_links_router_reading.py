@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-from atlantis_netcfg.bearers.policy import BearerRoute
+from atlantis_netcfg.links.policy import BearerRoute
 from atlantis_netcfg.operations.links.session import Echo, SeenNeighbour, SessionPort, questions, read
 from atlantis_netcfg.routeros.api import Reply, Trap
 

@@ -18,9 +18,9 @@ import yaml
 from row_subtests import for_each_row
 
 import atlantis_netcfg
-from atlantis_netcfg.bearers.lte import LteReading, Registration, at
-from atlantis_netcfg.bearers.lte import at as driver
 from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
+from atlantis_netcfg.links.lte import LteReading, Registration, at
+from atlantis_netcfg.links.lte import at as driver
 
 DATA: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("at_cases.yml").read_text(encoding="utf-8"))
 HEARD: list[str] = []

@@ -14,8 +14,8 @@ from jeepney import DBusAddress, MessageType, new_method_call
 from jeepney.io.blocking import open_dbus_connection
 from waiting import HANG_S
 
-from atlantis_netcfg.bearers.lte import LteReading, Registration
-from atlantis_netcfg.bearers.lte.modemmanager import MmUnreachable, read
+from atlantis_netcfg.links.lte import LteReading, Registration
+from atlantis_netcfg.links.lte.modemmanager import MmUnreachable, read
 
 HERE = Path(__file__).parent
 CASES: list[dict[str, Any]] = yaml.safe_load((HERE / "mm_cases.yml").read_text(encoding="utf-8"))

@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 from test_rutos_reader import PASSWORD, unit
 
-from atlantis_netcfg.bearers.lte.rutos_client import CertificateUnknown
-from atlantis_netcfg.bearers.lte.rutos_read import read
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.events import Verdict, ignore
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.rutos import Rutos
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import LteRouter
+from atlantis_netcfg.links.lte.rutos_client import CertificateUnknown
+from atlantis_netcfg.links.lte.rutos_read import read
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.lte.assumptions import ASSUMPTIONS, judge
 from atlantis_netcfg.operations.verifying import Verifying, written
@@ -31,7 +31,7 @@ BY_PAGES = {"rutos-address", "rutos-serial"}
 
 
 def sources() -> dict[str, str]:
-    files = [*PACKAGE.glob("bearers/lte/rutos_*.py"), *PACKAGE.glob("emulator/rutos/*.py")]
+    files = [*PACKAGE.glob("links/lte/rutos_*.py"), *PACKAGE.glob("emulator/rutos/*.py")]
     return {file.relative_to(PACKAGE).as_posix(): file.read_text(encoding="utf-8") for file in files}
 
 

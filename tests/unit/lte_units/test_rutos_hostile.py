@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from impostor import served
 
-from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint, RutosRefused, RutosUnreachable
-from atlantis_netcfg.bearers.lte.rutos_read import read
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.links.lte.rutos_client import RutosEndpoint, RutosRefused, RutosUnreachable
+from atlantis_netcfg.links.lte.rutos_read import read
 
 HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n"
 NEVER = threading.Event()

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 import yaml
 
-from atlantis_netcfg.bearers.lte import LteReading, Registration, rutos_client
-from atlantis_netcfg.bearers.lte.rutos_read import modem_of, read, reading_of
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
+from atlantis_netcfg.links.lte import LteReading, Registration, rutos_client
+from atlantis_netcfg.links.lte.rutos_read import modem_of, read, reading_of
 
 CASES: list[dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("rutos_cases.yml").read_text(encoding="utf-8"))
 PASSWORD = "a-reader's-password"

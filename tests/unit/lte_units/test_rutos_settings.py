@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.bearers.lte import LteReading, Registration
-from atlantis_netcfg.bearers.lte.rutos_settings import (
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSpec
+from atlantis_netcfg.links.lte import LteReading, Registration
+from atlantis_netcfg.links.lte.rutos_settings import (
     RELOAD,
     SHOW,
     WRITE,
@@ -18,8 +20,6 @@ from atlantis_netcfg.bearers.lte.rutos_settings import (
     parse_show,
     pin_held,
 )
-from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSpec
 from atlantis_netcfg.routeros.console.ssh import open_commands
 from atlantis_netcfg.routeros.console.types import HostKeyChanged, LoginFailed, UnknownHostKey
 

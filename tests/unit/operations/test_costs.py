@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
 from atlantis_netcfg.cli._commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode, UsageError
@@ -19,6 +18,7 @@ from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory import load as load_inventory
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
+from atlantis_netcfg.links.cost import CostRefused
 from atlantis_netcfg.operations import Mode, Request, Target, site
 from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job

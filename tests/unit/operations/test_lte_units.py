@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.bearers.lte import rutos_read
 from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
+from atlantis_netcfg.links.lte import rutos_read
 from atlantis_netcfg.operations.lte.run import perform
 from atlantis_netcfg.runs import Journal, JournalFailed, Store
 

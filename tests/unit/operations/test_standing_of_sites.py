@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bearers.standing import DAY_S, StandingFlow, TrafficSource
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import (
@@ -18,6 +17,7 @@ from atlantis_netcfg.inventory.model import (
     TelemetryData,
     TelemetryTopic,
 )
+from atlantis_netcfg.links.standing_traffic import DAY_S, StandingFlow, TrafficSource
 from atlantis_netcfg.operations import standing
 from atlantis_netcfg.operations.standing import inventory_warnings, over_budget, standing_traffic
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState
 from atlantis_netcfg.core.errors import TRUST, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.link_use import (
     LinkNotFit,

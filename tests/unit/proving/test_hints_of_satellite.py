@@ -12,8 +12,6 @@ from proving_router import Fake
 from test_hints_of_vpn import Laptop, laptop, real
 from test_proving import ADDED, SATELLITE, bearer, prove, proving
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.satellite import Attempt, Expected, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe
 from atlantis_netcfg.checklist.probes.step import AllowListTestResult
 from atlantis_netcfg.cli import _output
@@ -21,6 +19,8 @@ from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import AllowedTarget
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.satellite import Attempt, Expected, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.operations.allow_list_test.plan import read
 from atlantis_netcfg.operations.terminals import look
 from atlantis_netcfg.operations.upgrade import _configuration

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, cast
 import pytest
 from proving_router import Fake
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.satellite import Expected, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import AllowedTarget, Bearer
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.satellite import Expected, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, NothingToProve, resolve, tasks
 from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of

@@ -13,13 +13,13 @@ from proving_router import LAPTOP, Fake
 from test_proving import DECLARED, SATELLITE, prove, proving, told
 
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.links.qualify.transport import Arrival
 from atlantis_netcfg.operations.allow_list_test import vpn
 from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, VPN_BYTES
 from atlantis_netcfg.operations.allow_list_test.prove import Proof
 from atlantis_netcfg.operations.allow_list_test.site import previews
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
-from atlantis_netcfg.qualify.transport import Arrival
 from atlantis_netcfg.runs import Store
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file

@@ -8,12 +8,12 @@ from typing import Any
 
 from simulated_network import KEY, Recording, SimulatedNetwork, network, unlimited
 
-from atlantis_netcfg.bearers.cost import Tariff
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import LinkShape
-from atlantis_netcfg.qualify.grids import IMAGES, image_plan, telemetry_plan
-from atlantis_netcfg.qualify.judgement import profile
-from atlantis_netcfg.qualify.measured_run import (
+from atlantis_netcfg.links.cost import Tariff
+from atlantis_netcfg.links.qualify.grids import IMAGES, image_plan, telemetry_plan
+from atlantis_netcfg.links.qualify.judgement import profile
+from atlantis_netcfg.links.qualify.measured_run import (
     SAMPLES_FILE,
     BudgetLimits,
     FarEnd,
@@ -22,11 +22,11 @@ from atlantis_netcfg.qualify.measured_run import (
     Selection,
     write_run,
 )
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.samples import Sample
-from atlantis_netcfg.qualify.search import sustained_rate
-from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.samples import Sample
+from atlantis_netcfg.links.qualify.search import sustained_rate
+from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transfers import MessageFigures, message_figures
 
 BEGUN = datetime(2026, 11, 20, 9, 30, tzinfo=UTC)
 CERTUS_UP = LinkShape(rate_bps=352_000, delay_s=0.28, jitter_s=0.02)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.reflector.answering import Reflector
-from atlantis_netcfg.qualify.samples import Sample, SampleWriter, read
-from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transport import Arrival
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.reflector.answering import Reflector
+from atlantis_netcfg.links.qualify.samples import Sample, SampleWriter, read
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transport import Arrival
 
 KEY = b"an example key, 32 octets long.."
 SECOND = 1_000_000_000

@@ -8,13 +8,13 @@ import pytest
 from simulated_network import KEY, SECOND, Recording, SimulatedNetwork, network
 from tolerances import tolerances
 
-from atlantis_netcfg.bearers.cost import Tariff, bill
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
-from atlantis_netcfg.qualify.budget import Budget, BudgetError, BudgetGuard, BudgetLimit
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.messages_down import DownMessageStream
-from atlantis_netcfg.qualify.path_mtu import path_mtu
-from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.cost import Tariff, bill
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetError, BudgetGuard, BudgetLimit
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
+from atlantis_netcfg.links.qualify.path_mtu import path_mtu
+from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
 
 TARIFF = Tariff(Decimal("8.00"), min_session_bytes=5000, floor_bytes_per_s=300, floor_after_s=300)
 """An example, in the shape of Certus 100's published rules; its price is not the pilot's."""

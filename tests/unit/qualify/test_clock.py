@@ -5,8 +5,15 @@ import time
 
 import pytest
 
-from atlantis_netcfg.qualify.reflector.clock import LEAST_ERROR_S, UNKNOWN, ClockState, Timex, kernel_clock, state_of
-from atlantis_netcfg.qualify.reflector.stamp import error_estimate, error_s, is_synchronised
+from atlantis_netcfg.links.qualify.reflector.clock import (
+    LEAST_ERROR_S,
+    UNKNOWN,
+    ClockState,
+    Timex,
+    kernel_clock,
+    state_of,
+)
+from atlantis_netcfg.links.qualify.reflector.stamp import error_estimate, error_s, is_synchronised
 
 
 @pytest.mark.parametrize(

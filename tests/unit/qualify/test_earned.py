@@ -11,19 +11,19 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import LinkThresholds
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.grids import FEW, telemetry_plan, telemetry_row
+from atlantis_netcfg.links.qualify.judgement import judge, profile
+from atlantis_netcfg.links.qualify.measured_run import LinkCount, Selection
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.record import make_record
+from atlantis_netcfg.links.qualify.samples import Sample, read
+from atlantis_netcfg.links.qualify.search import RateLimit, sustained_rate
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan, run
+from atlantis_netcfg.links.qualify.transfers import MessageFigures, message_figures
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
 from atlantis_netcfg.operations.qualify.way import TunnelTraffic, judge_tunnel, judge_way
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.grids import FEW, telemetry_plan, telemetry_row
-from atlantis_netcfg.qualify.judgement import judge, profile
-from atlantis_netcfg.qualify.measured_run import LinkCount, Selection
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.record import make_record
-from atlantis_netcfg.qualify.samples import Sample, read
-from atlantis_netcfg.qualify.search import RateLimit, sustained_rate
-from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan, run
-from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory").sites["coastal"].bearers[-1]
 SATELLITE = LinkShape(rate_bps=352_000, delay_s=0.28)

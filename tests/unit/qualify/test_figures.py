@@ -7,9 +7,16 @@ from simulated_network import KEY, SECOND, SimulatedNetwork, network, run_train
 from tolerances import tolerances
 
 from atlantis_netcfg.emulator.udp_link import LinkShape
-from atlantis_netcfg.qualify.figures import NoTrain, Percentiles, TrainFigures, percentile, percentiles, train_figures
-from atlantis_netcfg.qualify.reflector.clock import UNKNOWN, ClockState
-from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan
+from atlantis_netcfg.links.qualify.figures import (
+    NoTrain,
+    Percentiles,
+    TrainFigures,
+    percentile,
+    percentiles,
+    train_figures,
+)
+from atlantis_netcfg.links.qualify.reflector.clock import UNKNOWN, ClockState
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28, jitter_s=0.02)
 DOWN = LinkShape(rate_bps=704_000, delay_s=0.28, jitter_s=0.02)

@@ -13,12 +13,12 @@ from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import KEY_OCTETS, LinkThresholds, Qualify, TelemetryTopic, ThresholdsName
+from atlantis_netcfg.links.qualify.archive import folder_of
+from atlantis_netcfg.links.qualify.judgement import QualifyProfile, profiles
+from atlantis_netcfg.links.qualify.reflector.stamp import MIN_KEY_SIZE, PORT
 from atlantis_netcfg.operations.fit import LinkFit, VehicleFit, fits_nowhere, vehicle_fit
 from atlantis_netcfg.operations.link_capacity import USABLE
 from atlantis_netcfg.operations.standing import standing_traffic
-from atlantis_netcfg.qualify.judgement import QualifyProfile, profiles
-from atlantis_netcfg.qualify.kept import folder_of
-from atlantis_netcfg.qualify.reflector.stamp import MIN_KEY_SIZE, PORT
 from atlantis_netcfg.runs import NoSuchRun, Store
 
 SHIPPED = Path(__file__).parents[3] / "inventory"

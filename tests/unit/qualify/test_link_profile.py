@@ -11,13 +11,20 @@ from simulated_network import KEY, SECOND, Recording, SimulatedNetwork, network,
 from tolerances import tolerances
 
 from atlantis_netcfg.emulator.udp_link import LinkShape
+from atlantis_netcfg.links.qualify.figures import TrainFigures, train_figures
+from atlantis_netcfg.links.qualify.judgement import profile as thresholds
+from atlantis_netcfg.links.qualify.measured_run import (
+    SAMPLES_FILE,
+    BudgetLimits,
+    FarEnd,
+    MeasuredRun,
+    Selection,
+    write_run,
+)
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.profile import LinkProfile, NoProfile, ProfileGap, profile_of, read_profile
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.operations.link_shapes import replayed
-from atlantis_netcfg.qualify.figures import TrainFigures, train_figures
-from atlantis_netcfg.qualify.judgement import profile as thresholds
-from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, BudgetLimits, FarEnd, MeasuredRun, Selection, write_run
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.profile import LinkProfile, NoProfile, ProfileGap, profile_of, read_profile
-from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
 
 PLAN = TrainPlan(172, 0.25, 300)
 CERTUS_UP = LinkShape(352_000, 0.28, jitter_s=0.03, loss=0.01)

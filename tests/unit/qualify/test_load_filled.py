@@ -9,14 +9,14 @@ from simulated_network import KEY, Recording, SimulatedNetwork, network, unlimit
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
-from atlantis_netcfg.qualify.compare import compared
-from atlantis_netcfg.qualify.judgement import Judgement, profile
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.messages_down import DownMessageStream
-from atlantis_netcfg.qualify.record import LoadRow, QualifyRecord, make_record
-from atlantis_netcfg.qualify.samples import MessageEnded
-from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transport import Arrival
+from atlantis_netcfg.links.qualify.compare import compared
+from atlantis_netcfg.links.qualify.judgement import Judgement, profile
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
+from atlantis_netcfg.links.qualify.record import LoadRow, QualifyRecord, make_record
+from atlantis_netcfg.links.qualify.samples import MessageEnded
+from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transport import Arrival
 
 RATE = 4_000_000
 LINK = LinkShape(rate_bps=RATE, delay_s=0.0275)

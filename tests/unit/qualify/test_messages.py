@@ -8,17 +8,17 @@ from tolerances import tolerances
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
-from atlantis_netcfg.qualify import grids
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.judgement import NoSuchProfile, judge, profile, profiles
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.path_mtu import path_mtu
-from atlantis_netcfg.qualify.reflector.stamp import CHUNK, ReflectorPacket, Tlv
-from atlantis_netcfg.qualify.search import RateLimit, SustainedRate, sustained_rate
-from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan, run
-from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
-from atlantis_netcfg.qualify.transport import Arrival
+from atlantis_netcfg.links.qualify import grids
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.judgement import NoSuchProfile, judge, profile, profiles
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.path_mtu import path_mtu
+from atlantis_netcfg.links.qualify.reflector.stamp import CHUNK, ReflectorPacket, Tlv
+from atlantis_netcfg.links.qualify.search import RateLimit, SustainedRate, sustained_rate
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan, run
+from atlantis_netcfg.links.qualify.transfers import MessageFigures, message_figures
+from atlantis_netcfg.links.qualify.transport import Arrival
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28)
 DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)

@@ -7,15 +7,15 @@ from simulated_network import KEY, SECOND, SOURCE, START, Recording, SimulatedNe
 from tolerances import tolerances
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
-from atlantis_netcfg.qualify.messages_down import DownMessageStream, requested_bytes
-from atlantis_netcfg.qualify.reflector import stamp
-from atlantis_netcfg.qualify.reflector.answering import Reflector
-from atlantis_netcfg.qualify.samples import MessageDirection, MessageEnded
-from atlantis_netcfg.qualify.search import RateLimit, sustained_rate
-from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, run
-from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.messages_down import DownMessageStream, requested_bytes
+from atlantis_netcfg.links.qualify.reflector import stamp
+from atlantis_netcfg.links.qualify.reflector.answering import Reflector
+from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageEnded
+from atlantis_netcfg.links.qualify.search import RateLimit, sustained_rate
+from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer, run
+from atlantis_netcfg.links.qualify.transfers import MessageFigures, message_figures
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28)
 DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)

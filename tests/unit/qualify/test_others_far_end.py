@@ -10,15 +10,15 @@ from simulated_network import SECOND, SimulatedNetwork, network
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import AllowedTarget, Transport
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.measured_run import Selection
+from atlantis_netcfg.links.qualify.samples import Sample, StreamEnded
+from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, far_end_of
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.measured_run import Selection
-from atlantis_netcfg.qualify.samples import Sample, StreamEnded
-from atlantis_netcfg.qualify.session import ReflectorPeer
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 BEARERS = {bearer.name: bearer for bearer in DECLARED.sites["coastal"].bearers}

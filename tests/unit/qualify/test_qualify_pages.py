@@ -15,11 +15,11 @@ from hints_said import advised
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.qualify.compare import FigureTrend, compared
-from atlantis_netcfg.qualify.grids import SHAPE_UNKNOWN
-from atlantis_netcfg.qualify.measured_run import MeasuredRun
-from atlantis_netcfg.qualify.record import QualifyRecord, make_record
-from atlantis_netcfg.qualify.samples import read
+from atlantis_netcfg.links.qualify.compare import FigureTrend, compared
+from atlantis_netcfg.links.qualify.grids import SHAPE_UNKNOWN
+from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
+from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
+from atlantis_netcfg.links.qualify.samples import read
 from atlantis_netcfg.qualify_pages import write_pages
 from atlantis_netcfg.qualify_pages.pages import html, pdf, rows
 from atlantis_netcfg.qualify_pages.plots import WIDTH, Plot, plots

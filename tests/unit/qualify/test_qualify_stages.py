@@ -18,6 +18,16 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Bearer, LinkThresholds, Transport
+from atlantis_netcfg.links.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.grids import train_bytes
+from atlantis_netcfg.links.qualify.judgement import profile
+from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
+from atlantis_netcfg.links.qualify.record import make_record
+from atlantis_netcfg.links.qualify.reflector.stamp import reflector_key
+from atlantis_netcfg.links.qualify.samples import Sample, StreamEnded, TrainBegan
+from atlantis_netcfg.links.qualify.search import RateLimit
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan
+from atlantis_netcfg.links.qualify.transfers import message_figures
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.far_end import (
@@ -32,16 +42,6 @@ from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measure
 from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned, thresholds_of
 from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.operations.qualify.run import links_of_site
-from atlantis_netcfg.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
-from atlantis_netcfg.qualify.grids import train_bytes
-from atlantis_netcfg.qualify.judgement import profile
-from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
-from atlantis_netcfg.qualify.record import make_record
-from atlantis_netcfg.qualify.reflector.stamp import reflector_key
-from atlantis_netcfg.qualify.samples import Sample, StreamEnded, TrainBegan
-from atlantis_netcfg.qualify.search import RateLimit
-from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan
-from atlantis_netcfg.qualify.transfers import message_figures
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 BEARERS = {bearer.name: bearer for bearer in DECLARED.sites["coastal"].bearers}

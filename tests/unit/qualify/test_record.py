@@ -14,10 +14,7 @@ from tolerances import tolerances
 
 from atlantis_netcfg.cli._output import json_text
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.operations.qualify.result import QualifyResult
-from atlantis_netcfg.qualify.grids import SHAPE_UNKNOWN
-from atlantis_netcfg.qualify.judgement import profile
-from atlantis_netcfg.qualify.kept import (
+from atlantis_netcfg.links.qualify.archive import (
     RECORD_FILE,
     folder_of,
     keep_record,
@@ -27,10 +24,13 @@ from atlantis_netcfg.qualify.kept import (
     record_of,
     samples_of,
 )
-from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, Selection
-from atlantis_netcfg.qualify.record import QualifyRecord, make_record
-from atlantis_netcfg.qualify.samples import SamplesUnreadable, read
-from atlantis_netcfg.qualify.search import RateLimit
+from atlantis_netcfg.links.qualify.grids import SHAPE_UNKNOWN
+from atlantis_netcfg.links.qualify.judgement import profile
+from atlantis_netcfg.links.qualify.measured_run import RUN_FILE, SAMPLES_FILE, Selection
+from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
+from atlantis_netcfg.links.qualify.samples import SamplesUnreadable, read
+from atlantis_netcfg.links.qualify.search import RateLimit
+from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.runs import NoSuchRun, StateDamaged, Store
 
 

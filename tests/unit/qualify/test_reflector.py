@@ -7,10 +7,10 @@ import tracemalloc
 import pytest
 from simulated_network import KEY, SECOND, SOURCE, START
 
-from atlantis_netcfg.qualify.reflector import stamp
-from atlantis_netcfg.qualify.reflector.__main__ import _end_when_idle
-from atlantis_netcfg.qualify.reflector.answering import Reflector
-from atlantis_netcfg.qualify.reflector.clock import ClockState
+from atlantis_netcfg.links.qualify.reflector import stamp
+from atlantis_netcfg.links.qualify.reflector.__main__ import _end_when_idle
+from atlantis_netcfg.links.qualify.reflector.answering import Reflector
+from atlantis_netcfg.links.qualify.reflector.clock import ClockState
 
 LAST = 900 * SECOND
 

@@ -9,13 +9,13 @@ from simulated_network import KEY, network, unlimited
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links.qualify.measured_run import Selection
+from atlantis_netcfg.links.qualify.record import make_record
+from atlantis_netcfg.links.qualify.samples import Sample
+from atlantis_netcfg.links.qualify.search import SustainedRate
+from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
-from atlantis_netcfg.qualify.measured_run import Selection
-from atlantis_netcfg.qualify.record import make_record
-from atlantis_netcfg.qualify.samples import Sample
-from atlantis_netcfg.qualify.search import SustainedRate
-from atlantis_netcfg.qualify.session import ReflectorPeer
 
 BEARERS = {bearer.name: bearer for bearer in load(Path(__file__).parents[3] / "inventory").sites["coastal"].bearers}
 

@@ -13,23 +13,23 @@ import pytest
 from example_runs import BEGUN, measured_run
 from simulated_network import KEY, SECOND, SimulatedNetwork, network
 
-from atlantis_netcfg.bearers.cost import Tariff, bill
 from atlantis_netcfg.cli.qualify import _capped, _preview
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Bearer
+from atlantis_netcfg.links.cost import Tariff, bill
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.judgement import profile
+from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, Selection
+from atlantis_netcfg.links.qualify.record import make_record
+from atlantis_netcfg.links.qualify.session import EndReason, ReflectorPeer
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
 from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.operations.qualify.several import SeveralResults, left, measure_each
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.judgement import profile
-from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
-from atlantis_netcfg.qualify.record import make_record
-from atlantis_netcfg.qualify.session import EndReason, ReflectorPeer
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from row_subtests import for_each_row
 
-import atlantis_netcfg.qualify.reflector as package
-from atlantis_netcfg.qualify.reflector.stamp import (
+import atlantis_netcfg.links.qualify.reflector as package
+from atlantis_netcfg.links.qualify.reflector.stamp import (
     AUTHENTICATED_SIZE,
     BASE_SIZE,
     CHUNK,

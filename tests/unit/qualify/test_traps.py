@@ -13,14 +13,14 @@ from tolerances import tolerances
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
-from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.judgement import judge, profile
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.reflector.answering import Reflector
-from atlantis_netcfg.qualify.reflector.stamp import ReflectorPacket, decode_sender, ntp
-from atlantis_netcfg.qualify.samples import SamplesUnreadable, read
-from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
+from atlantis_netcfg.links.qualify.figures import train_figures
+from atlantis_netcfg.links.qualify.judgement import judge, profile
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.reflector.answering import Reflector
+from atlantis_netcfg.links.qualify.reflector.stamp import ReflectorPacket, decode_sender, ntp
+from atlantis_netcfg.links.qualify.samples import SamplesUnreadable, read
+from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transfers import MessageFigures, message_figures
 
 SLOW_UP = LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.0)
 DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)

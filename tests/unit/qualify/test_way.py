@@ -9,9 +9,9 @@ import pytest
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.qualify.measured_run import LinkCount
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
 from atlantis_netcfg.operations.qualify import way
-from atlantis_netcfg.qualify.measured_run import LinkCount
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 
 FLOW = way.MeasuredFlow("10.64.101.10", 40000, "203.0.113.2", 862)

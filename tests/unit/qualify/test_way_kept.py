@@ -14,10 +14,10 @@ from waiting import HANG_S
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, Selection
 from atlantis_netcfg.operations.qualify import run
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd
 from atlantis_netcfg.operations.qualify.run import LinkRun
-from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 
 if TYPE_CHECKING:

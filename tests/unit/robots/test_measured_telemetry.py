@@ -13,7 +13,6 @@ import robot_cases
 import yaml
 from hints_said import advised, said
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
@@ -21,6 +20,7 @@ from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import TelemetryTopic
 from atlantis_netcfg.inventory.robots import reading
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
+from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.operations import measured_telemetry, robots
 from atlantis_netcfg.operations.measured_telemetry import (
     TelemetryUnmeasured,

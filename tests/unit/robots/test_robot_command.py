@@ -8,12 +8,12 @@ import pytest
 import robot_cases
 from hints_said import advised, said
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.robots.observation import Observation, RobotReport, RobotState
 

@@ -6,8 +6,8 @@ import pytest
 import yaml
 from plan_world import facts
 
-from atlantis_netcfg.bearers.lte import Registration
-from atlantis_netcfg.bearers.lte.routeros import read as read_unit
+from atlantis_netcfg.links.lte import Registration
+from atlantis_netcfg.links.lte.routeros import read as read_unit
 from atlantis_netcfg.routeros import desired
 from atlantis_netcfg.routeros._types import Observed
 from atlantis_netcfg.routeros.pin import PinSim, pending, sim_of

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 import yaml
 
-from atlantis_netcfg.bearers.satellite import (
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.satellite import (
     WINDOW_S,
     Attempt,
     Backup,
@@ -23,7 +24,6 @@ from atlantis_netcfg.bearers.satellite import (
     judge_factory_address,
     judge_names,
 )
-from atlantis_netcfg.core.events import Verdict
 
 VPN = NamedTarget("VPN server", "vpn.example.org", "203.0.113.2", "pilot.vpn in group_vars/all/pilot.yml")
 

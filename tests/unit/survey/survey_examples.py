@@ -5,8 +5,8 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from atlantis_netcfg.emulator.coverage import Coverage, PlaceTruth, out_and_back, two_masts
-from atlantis_netcfg.qualify.samples import Sample
-from atlantis_netcfg.qualify.session import ReflectorPeer
+from atlantis_netcfg.links.qualify.samples import Sample
+from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.survey.measure import LinkTester, RadioReader, RadioSample, RunningSurvey, SurveyPlan
 from atlantis_netcfg.survey.points import Survey, SurveyEnd, SurveyHeader, SurveyPoint
 from atlantis_netcfg.survey.rehearsed import KEY, DeclaredRate, Voyage, VoyageRadio

@@ -8,7 +8,7 @@ from survey_examples import point, sailing
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.survey import _by_clicks, _line
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.qualify.session import EndReason
+from atlantis_netcfg.links.qualify.session import EndReason
 from atlantis_netcfg.survey.site import TypedPositions
 
 

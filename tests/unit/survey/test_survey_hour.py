@@ -7,9 +7,9 @@ from survey_examples import RATE, Sailing, Told, sailing
 
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.emulator.coverage import PlaceTruth
-from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE, CHUNK_HEADER_SIZE, HMAC_TLV_SIZE
-from atlantis_netcfg.qualify.samples import MessageEnded
-from atlantis_netcfg.qualify.session import EndReason
+from atlantis_netcfg.links.qualify.reflector.stamp import AUTHENTICATED_SIZE, CHUNK_HEADER_SIZE, HMAC_TLV_SIZE
+from atlantis_netcfg.links.qualify.samples import MessageEnded
+from atlantis_netcfg.links.qualify.session import EndReason
 from atlantis_netcfg.survey.measure import ANOTHER_LINK, BUDGET, NO_ANSWER, STOPPED, HourlyBudgetError, SurveyPlan
 from atlantis_netcfg.survey.points import SurveyPoint
 

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from atlantis_netcfg.bearers.lte import LteReading
-from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
 from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import CellSpec, ModemSpec, RouterSpec, SimSpec, User
+from atlantis_netcfg.links.lte import LteReading
+from atlantis_netcfg.links.lte.routeros import log_query, queries, read
 
 
 class Box:

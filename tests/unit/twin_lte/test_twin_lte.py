@@ -2,10 +2,10 @@ import pytest
 import trees
 from lte_bench import Box
 
-from atlantis_netcfg.bearers.lte import Registration
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.modem import refit
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec
+from atlantis_netcfg.links.lte import Registration
 
 
 def test_at_home_and_connected() -> None:

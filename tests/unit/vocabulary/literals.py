@@ -22,7 +22,7 @@ SPEAKERS = (
     "render",
 )
 """Packages whose texts may reach a router."""
-OTHER_LANGUAGES = ("bearers/lte/at", "bearers/lte/modemmanager", "bearers/lte/rutos_")
+OTHER_LANGUAGES = ("links/lte/at", "links/lte/modemmanager", "links/lte/rutos_")
 """Parts of these that speak to devices of other makes: paths of a Linux host, of D-Bus, of RutOS' web interface."""
 _COMMAND = re.compile(r"^(?:/[a-z][a-z0-9-]*(?:[/ ].*)?|:[a-z]+ .*)$")
 _SUFFIX = re.compile(r"^X/([a-z-]+)$")

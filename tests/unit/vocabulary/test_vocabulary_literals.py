@@ -8,7 +8,7 @@ from literals import Literal, literals, sentences
 from spoken import Said, lines, sentence
 from trees import TREES, VERSIONS, Tree, parts
 
-from atlantis_netcfg.bearers.wifi import Family
+from atlantis_netcfg.links.wifi import Family
 
 SINCE = {"/safe-mode": ("7.18.2", "asked for on every version, because that is how we learn whether it is there")}
 """Menus that not all of our versions have."""

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.acoustic import evologics
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     WATER,
@@ -46,6 +45,7 @@ from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged,
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver, Column
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     AcousticModem,
@@ -20,6 +19,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, Listen, Question, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

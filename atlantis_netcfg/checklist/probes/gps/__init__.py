@@ -21,8 +21,6 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.gps import gpsd, nmea
 from atlantis_netcfg.checklist.probes.gps.judge import evidence, judge
 from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Nature, Reception, Report, troubled
@@ -43,6 +41,8 @@ from atlantis_netcfg.checklist.probes.step import (
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import GpsDriver, GpsEndpoint, VehicleKind
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.status import Query
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.step import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -29,9 +29,9 @@ from atlantis_netcfg.core.events import Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.checklist.probes.step import Answer, Cell
     from atlantis_netcfg.inventory.model import RcRfEndpoint
+    from atlantis_netcfg.links import BearerFinding
 
 __all__ = ["RcExpectation", "RcHeard", "SticksMoved", "steps"]
 

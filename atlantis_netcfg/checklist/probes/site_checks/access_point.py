@@ -28,8 +28,8 @@ from atlantis_netcfg.inventory.model import Gateway, WifiRole
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.inventory.model import GatewayAccessPoint
+    from atlantis_netcfg.links import BearerFinding
 
 _NO_DEVICE = "No such device"
 

@@ -13,7 +13,6 @@ from ipaddress import IPv4Address, IPv4Interface
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     ComputerReadings,
     InterfaceAddress,
@@ -49,6 +48,7 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.gateway.parts import computer_network
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

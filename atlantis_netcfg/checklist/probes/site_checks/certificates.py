@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.clock import router_time
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
@@ -27,6 +26,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     yes,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Rows, Step
+from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.routeros.render import prerequisites
 
 if TYPE_CHECKING:

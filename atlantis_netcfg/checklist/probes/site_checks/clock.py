@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
@@ -25,6 +24,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Rows, Step
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

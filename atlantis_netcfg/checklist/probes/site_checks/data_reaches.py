@@ -14,7 +14,6 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     active_bearer,
@@ -36,6 +35,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 from atlantis_netcfg.checklist.probes.site_checks.vpn import TUNNEL
 from atlantis_netcfg.checklist.probes.step import Judged, Place, ReflectRequest, ReflectResult, Trouble
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ControlCentre, Gateway, ServerComputer
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

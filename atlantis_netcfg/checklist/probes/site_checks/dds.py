@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     by_hand,
@@ -41,6 +40,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.step import DdsDiscoverRequest, DdsDiscoverResult, Judged, Place, Trouble
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

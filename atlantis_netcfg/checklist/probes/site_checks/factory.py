@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
@@ -24,6 +22,8 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, RouterOsQuery, Step
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.status import Query
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     fail,
@@ -23,7 +22,8 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, LinkRecordRequest, LinkRecordResult, Question, Step
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.qualify.session import EndReason
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.qualify.session import EndReason
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.links.qualify.record import QualifyRecord
 
 NAME = "link-qualified"
 _AHEAD = timedelta(minutes=5)

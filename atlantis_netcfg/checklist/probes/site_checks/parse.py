@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any, cast
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.step import (
     Answer,
     Cell,
@@ -33,6 +31,8 @@ from atlantis_netcfg.checklist.probes.step import (
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AddressBy, ControlCentre, Router, ServerComputer, Site
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.status import Query
 from atlantis_netcfg.routeros.render import RouterView, router_view
 
 if TYPE_CHECKING:

@@ -6,8 +6,6 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
-from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     fail,
@@ -21,6 +19,8 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, RouterOsQuery, Step
 from atlantis_netcfg.inventory.model import PoeMode
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.status import Query
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import BearerFinding, LinkState
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, BearerRoute, active_bearer, active_bearers
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
@@ -32,6 +30,8 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     yes,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, Step
+from atlantis_netcfg.links import BearerFinding, LinkState
+from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, BearerRoute, active_bearer, active_bearers
 from atlantis_netcfg.operations.links.status import IN_USE
 from atlantis_netcfg.routeros.menus import MENUS
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
@@ -29,6 +28,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Step
 from atlantis_netcfg.inventory.model import SshHost
+from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

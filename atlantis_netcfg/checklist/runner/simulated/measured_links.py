@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import BearerKind
-from atlantis_netcfg.qualify.judgement import profile
-from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
-from atlantis_netcfg.qualify.record import QualifyRecord, make_record
-from atlantis_netcfg.qualify.samples import (
+from atlantis_netcfg.links.qualify.judgement import profile
+from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
+from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
+from atlantis_netcfg.links.qualify.samples import (
     MessageEnded,
     PacketSent,
     ReflectorCounted,
@@ -27,7 +27,7 @@ from atlantis_netcfg.qualify.samples import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.samples import Sample
 
 _SECOND: Final = 1_000_000_000
 _INTERVAL_S: Final = 0.25

@@ -13,12 +13,12 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
-from atlantis_netcfg.qualify.grids import telemetry_plan
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.qualify.samples import SampleWriter
-from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.qualify.transport import UdpTransport
+from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.links.qualify.grids import telemetry_plan
+from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.links.qualify.samples import SampleWriter
+from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.links.qualify.transport import UdpTransport
 
 
 def main(plan: Path) -> None:

@@ -10,10 +10,10 @@ import yaml
 from gps_said import FENCE
 from row_subtests import for_each_row
 
-from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes import Judged, RouterOsQuery, Rows, Trouble, gps
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
+from atlantis_netcfg.links.status import Query
 
 WANTED = gps.GpsExpectation("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
 PROBE = gps.RouterosGps(WANTED, "off-router")

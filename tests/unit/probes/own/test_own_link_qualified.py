@@ -23,11 +23,11 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import BearerKind
+from atlantis_netcfg.links.qualify.archive import RECORD_FILE, folder_of, record_json
+from atlantis_netcfg.links.qualify.measured_run import SAMPLES_FILE, write_run
+from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
+from atlantis_netcfg.links.qualify.samples import SampleWriter
 from atlantis_netcfg.operations.request import Mode, Request
-from atlantis_netcfg.qualify.kept import RECORD_FILE, folder_of, record_json
-from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, write_run
-from atlantis_netcfg.qualify.record import QualifyRecord, make_record
-from atlantis_netcfg.qualify.samples import SampleWriter
 from atlantis_netcfg.runs import Store
 
 SHIPPED = load(Path(__file__).parents[4] / "inventory")

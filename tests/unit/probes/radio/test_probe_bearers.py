@@ -3,7 +3,6 @@
 import pytest
 from radio_cases import Case, check, codes, listed
 
-from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes import (
     AllowListTestRequest,
     AllowListTestResult,
@@ -14,6 +13,7 @@ from atlantis_netcfg.checklist.probes import (
 from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, _registered
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe, _there
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links import BearerFinding
 
 REACHED = BearerFinding(
     Verdict.PASS, "reached", "VPN server (203.0.113.2 udp 1194) was reached after 35 s over the satellite"

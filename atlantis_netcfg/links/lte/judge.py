@@ -1,0 +1,306 @@
+"""What is wrong with a 4G unit, in words: one finding for each thing that a technician can do something about.
+
+Radio levels only warn: whether the site has its link is told by registration, address and probes. The bands of the
+levels are what modem makers publish as rules of thumb, and no standard: devices.md, section 4, from memory.
+
+The record that every 4G driver returns, and the reading of a unit without a driver.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.status import BearerFinding, LinkState, Quality
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+class Registration(StrEnum):
+    """Where the unit is on its way into the network; a word that nobody knows is `unknown`, never a failure."""
+
+    REGISTERED_HOME = "registered_home"
+    REGISTERED_ROAMING = "registered_roaming"
+    SEARCHING = "searching"
+    DENIED = "denied"
+    SIM_MISSING = "sim_missing"
+    SIM_PIN_REQUIRED = "sim_pin_required"
+    SIM_PUK_REQUIRED = "sim_puk_required"
+    """Too many wrong PINs: only the PUK helps."""
+    DISABLED = "disabled"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LteReading:
+    """What a 4G unit said at one moment; what it did not say, or said as "N/A", is None.
+
+    It has no IMEI, IMSI or ICCID: those are redacted where they are read.
+    """
+
+    source: str
+    """The driver: routeros, rutos, modemmanager, at, manual."""
+    state: Registration = Registration.UNKNOWN
+    access_tech: str | None = None
+    """As the device names it, in lower case: lte, 5g, umts …"""
+    operator: str | None = None
+    plmn: str | None = None
+    """Mobile country and network code, like 26801."""
+    band: str | None = None
+    """Like B3."""
+    cell: str | None = None
+    """Identity of the serving cell, in the device's own form; None: not said."""
+    rsrp_dbm: float | None = None
+    rsrq_db: float | None = None
+    sinr_db: float | None = None
+    rssi_dbm: float | None = None
+    roaming: bool | None = None
+    sim_slot: int | None = None
+    address: str | None = None
+    """IP address that the network has given; None: none, or not readable."""
+    connected: bool | None = None
+    """Whether the unit says that its data connection is up; None: not said."""
+    apn: str | None = None
+    """In use, read back: a declared one may be ignored."""
+    pin_refused: bool | None = None
+    """Whether the SIM has refused a PIN; None: not said."""
+    pin_tries_left: int | None = None
+    """Before the PUK is needed; None: not said."""
+    network_apn: bool | None = None
+    """RouterOS' `use-network-apn`: the network's own APN goes before the configured one; None: not said."""
+    last_error: str | None = None
+    """In the device's own words."""
+
+
+LOOK_FOR = (
+    "the SIM is found and asks for no PIN",
+    "registered (home or roaming), with the operator's name",
+    "APN as in the contract, and an IP address",
+    "roaming as in the contract",
+    "RSRP above -105 dBm, RSRQ above -15 dB, SINR above 0 dB",
+)
+"""What has to stand on the unit's own page."""
+
+
+def unmanaged_reading() -> LteReading:
+    """The reading of a unit without a driver: everything unknown."""
+    return LteReading(source="manual")
+
+
+def check_by_hand(address: str) -> BearerFinding:
+    """The finding for a unit without a driver: a person must look at its own page."""
+    return BearerFinding(
+        Verdict.INCONCLUSIVE,
+        "look-yourself",
+        f"no driver for this 4G unit: a person must look at its own page, http://{address}/ or as its manual says",
+        "look for: " + "; ".join(LOOK_FOR),
+    )
+
+
+WEAK_RSRP_DBM = -105.0
+WEAK_RSRQ_DB = -15.0
+WEAK_SINR_DB = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LteExpected:
+    """What the declaration says of the SIM and its subscription."""
+
+    apn: str | None = None
+    """None: the network's own default is meant."""
+    roaming: bool = False
+    pin_declared: bool = False
+    apn_required: bool = False
+    """The subscription has a user or a password, which belong to an APN."""
+    bands: tuple[int, ...] = ()
+    """LTE bands that the unit is held to; none: all that it has."""
+
+
+_REGISTERED = frozenset({Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING})
+
+
+def judge(reading: LteReading, expected: LteExpected) -> tuple[BearerFinding, ...]:
+    """Everything that is wrong or worth knowing; empty if the unit is as declared and well heard."""
+    if reading.state in _REGISTERED:
+        return tuple(_registered(reading, expected))
+    return (_not_registered(reading, expected),)
+
+
+def link_state(reading: LteReading) -> LinkState:
+    """What the unit itself says of its link; no probe has been sent."""
+    if reading.state in _REGISTERED:
+        return LinkState.UP if reading.address is not None or reading.connected else LinkState.UNKNOWN
+    if reading.state is Registration.SEARCHING:
+        return LinkState.SEARCHING
+    return LinkState.UNKNOWN if reading.state is Registration.UNKNOWN else LinkState.DOWN
+
+
+def quality(reading: LteReading) -> Quality:
+    """The readings of a `BearerStatus`."""
+    return {
+        "registration": reading.state.value,
+        "operator": reading.operator,
+        "plmn": reading.plmn,
+        "access_tech": reading.access_tech,
+        "band": reading.band,
+        "rsrp_dbm": reading.rsrp_dbm,
+        "rsrq_db": reading.rsrq_db,
+        "sinr_db": reading.sinr_db,
+        "rssi_dbm": reading.rssi_dbm,
+        "roaming": None if reading.roaming is None else str(reading.roaming).lower(),
+        "address": reading.address,
+        "apn": reading.apn,
+    }
+
+
+def _not_registered(reading: LteReading, expected: LteExpected) -> BearerFinding:
+    if reading.state is Registration.SIM_PIN_REQUIRED:
+        return _pin(reading, expected)
+    verdict, code, message, hint = _STATES[reading.state]
+    if reading.last_error:
+        message = f"{message} (the device says: {reading.last_error})"
+    return BearerFinding(verdict, code, message, hint)
+
+
+def _pin(reading: LteReading, expected: LteExpected) -> BearerFinding:
+    left = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
+    if reading.pin_refused:
+        message = f"the SIM has refused the PIN, and it is not tried again{left}"
+        hint = "compare `sim.pin` with the SIM's letter; unlock the SIM in a telephone before the next run"
+        return BearerFinding(Verdict.FAIL, "pin-wrong", message, hint)
+    if not expected.pin_declared:
+        hint = "declare `sim.pin` (vaulted), or switch the PIN of the SIM off in a telephone"
+        return BearerFinding(Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{left}", hint)
+    message = f"the SIM asks for a PIN; the declared one is tried once, by a run that sets the device{left}"
+    hint = "run the site; if a run has tried it already, the PIN is wrong: do not try again before you know it"
+    return BearerFinding(Verdict.FAIL, "pin-not-entered", message, hint)
+
+
+_STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
+    Registration.SIM_PUK_REQUIRED: (
+        Verdict.FAIL,
+        "puk-needed",
+        "the SIM is locked after too many wrong PINs and asks for its PUK; nothing is tried",
+        "unlock it in a telephone with the PUK of the SIM's letter; ten wrong PUKs destroy the SIM",
+    ),
+    Registration.SIM_MISSING: (
+        Verdict.FAIL,
+        "sim-missing",
+        "the unit finds no SIM",
+        "switch it off, seat the SIM in the slot that is in use (contacts as the unit's manual shows), switch it on",
+    ),
+    Registration.DENIED: (
+        Verdict.FAIL,
+        "registration-denied",
+        "the network refuses the SIM",
+        "ask the operator whether the SIM is active, paid, and allowed in this network and in this kind of device",
+    ),
+    Registration.SEARCHING: (
+        Verdict.FAIL,
+        "searching",
+        "the unit searches for a network",
+        "wait two minutes; then check the antenna's cables, the declared bands, and the coverage of the operator here",
+    ),
+    Registration.DISABLED: (
+        Verdict.FAIL,
+        "disabled",
+        "the unit's radio is switched off",
+        "run the site to enable it, or look who has disabled it",
+    ),
+    Registration.UNKNOWN: (
+        Verdict.INCONCLUSIVE,
+        "registration-unknown",
+        "the unit does not say in words that we know whether it is registered",
+        "open the unit's own page and read its state there",
+    ),
+}
+
+
+def _registered(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
+    yield from _roaming(reading, expected)
+    yield from _apn(reading, expected)
+    yield from _address(reading, expected)
+    yield from _bands(reading, expected)
+    yield from _levels(reading)
+
+
+def _foreign(reading: LteReading) -> bool:
+    return reading.state is Registration.REGISTERED_ROAMING or reading.roaming is True
+
+
+def _roaming(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
+    if not _foreign(reading):
+        return
+    where = reading.operator or reading.plmn or "a foreign network"
+    if expected.roaming:
+        message = f"the SIM roams in {where}: data may cost a multiple of the price at home"
+        yield BearerFinding(
+            Verdict.WARN, "roaming-on", message, "look the price up in the contract before a large transfer"
+        )
+    else:
+        message = f"the SIM is a foreign one in {where}, and roaming is not allowed: registered, but without data"
+        hint = "use a SIM of this country, or write `sim.roaming: true` if the contract pays for it"
+        yield BearerFinding(Verdict.FAIL, "roaming-not-allowed", message, hint)
+
+
+def _apn(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
+    if expected.apn is None:
+        hint = "declare `sim.apn` as the SIM's contract says"
+        if expected.apn_required:
+            message = "a user or password of the subscription is declared, but not the APN they belong to"
+            yield BearerFinding(Verdict.FAIL, "apn-missing", message, hint)
+        elif reading.apn is None and reading.address is None and not _foreign(reading):
+            yield BearerFinding(
+                Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint
+            )
+    elif reading.network_apn and reading.apn is None:
+        message = f"the unit takes the network's APN, so the declared one, {expected.apn}, may not be in use"
+        hint = "run the site, which switches `use-network-apn` off"
+        yield BearerFinding(Verdict.WARN, "apn-of-the-network", message, hint)
+    elif reading.apn is not None and _bare(reading.apn) != _bare(expected.apn):
+        message = f"the APN in use is {reading.apn}, the declared one is {expected.apn}"
+        hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
+        yield BearerFinding(Verdict.WARN, "apn-differs", message, hint)
+
+
+def _bare(apn: str) -> str:
+    """An APN as it compares: without the part that names the operator, and in one case (3GPP TS 23.003, 9.1)."""
+    return re.sub(r"\.mnc\d{3}\.mcc\d{3}\.gprs$", "", apn.casefold())
+
+
+def _address(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
+    if reading.address is not None or reading.connected or (_foreign(reading) and not expected.roaming):
+        return
+    message = "the unit is registered, but the network has given it no address (or it does not say so)"
+    hint = "check APN, user and password against the contract, and that the SIM has data left"
+    yield BearerFinding(Verdict.FAIL, "no-address", message, hint)
+
+
+def _bands(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
+    allowed = [f"B{number}" for number in expected.bands]
+    if allowed and reading.band is not None and reading.band.startswith("B") and reading.band not in allowed:
+        message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(allowed)}"
+        yield BearerFinding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
+
+
+def _levels(reading: LteReading) -> Iterator[BearerFinding]:
+    levels = (
+        ("rsrp", "RSRP", reading.rsrp_dbm, WEAK_RSRP_DBM, "dBm"),
+        ("rsrq", "RSRQ", reading.rsrq_db, WEAK_RSRQ_DB, "dB"),
+        ("sinr", "SINR", reading.sinr_db, WEAK_SINR_DB, "dB"),
+    )
+    for code, name, value, limit, unit in levels:
+        if value is not None and value < limit:
+            message = f"{name} is {value:g} {unit}, below {limit:g} {unit}"
+            yield BearerFinding(Verdict.WARN, f"weak-{code}", message, _WEAK[code])
+
+
+_WEAK = {
+    "rsrp": "move the antenna higher or into sight of the mast, and check its cables",
+    "rsrq": "the cell is loaded or disturbed: turn the antenna, or hold the unit to another band",
+    "sinr": "something disturbs the signal: turn the antenna away from other transmitters, or change the band",
+}

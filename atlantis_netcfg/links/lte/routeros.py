@@ -1,0 +1,235 @@
+"""RouterOS' LTE interface: from `monitor once` and the rows beside it to the one record of a 4G unit.
+
+Both generations of fields are read: `status` with `data-class` and `primary-band` of version 7, and `pin-status`,
+`registration-status`, `functionality` and `access-technology` of version 6 and of some modems (devices.md, section 4;
+the names are those that the console of 7.21.5 offers for `monitor proplist`). Their words are written by the modem's
+driver and are nowhere listed whole: what is read here of PIN, PUK and refusal follows 3GPP TS 27.007, 9.2.
+Assumption: lte-pin-words
+
+No device tells which APN the network gave in place of the configured one: with `use-network-apn=yes` the APN in use is
+unknown. IMEI, IMSI, ICCID and the SIM's number are never taken over.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.links.lte.judge import LteReading, Registration
+from atlantis_netcfg.links.status import Query, decibels, yes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    Row = Mapping[str, str]
+    Rows = Sequence[Row]
+
+IDENTITIES = frozenset({"imei", "imsi", "iccid", "uicc", "subscriber-number", "phone-number"})
+"""Fields of a monitor that name a person's SIM or a device; they go into no report and no log."""
+_APN = ("name", "apn", "use-network-apn", "default")
+_INTERFACE = ("name", "default-name", "disabled", "running", "inactive", "apn-profiles", "allow-roaming", "band")
+_ADDRESS = ("address", "interface", "disabled", "invalid")
+_RSRP_DBM, _RSRQ_DB, _SINR_DB, _RSSI_DBM = (-156.0, -31.0), (-43.0, 20.0), (-23.0, 40.0), (-125.0, -1.0)
+"""What 3GPP TS 36.133 and 38.133 can report, and what a modem cannot have measured."""
+
+
+def queries(interface: str = "lte1") -> tuple[Query, Query, Query, Query]:
+    """What to ask a device of version 7, in the order of the first four arguments of `read`.
+
+    `monitor` takes no list of properties before 7.21, so that the SIM's numbers cross the wire; `read` drops them.
+    """
+    return (
+        monitor_query(interface),
+        Query("/interface/lte", "print", proplist=_INTERFACE),
+        Query("/interface/lte/apn", "print", proplist=_APN),
+        Query("/ip/address", "print", proplist=_ADDRESS),
+    )
+
+
+def monitor_query(name: str) -> Query:
+    """The state of the modem that has this name now."""
+    return Query("/interface/lte", "monitor", (("numbers", name), ("once", "")))
+
+
+def modem_name(interfaces: Rows | None, modem: str = "lte1") -> str:
+    """The name that a modem has now; its identity is the default name, and `name` only where no row has that."""
+    return _modem(interfaces, modem).get("name", modem)
+
+
+def _modem(interfaces: Rows | None, modem: str) -> Row:
+    found = (row for field in ("default-name", "name") for row in interfaces or () if row.get(field) == modem)
+    return next(found, {})
+
+
+def log_query() -> Query:
+    """The log, whose lines tell a missing SIM where the monitor stays silent; large, so only ask it then."""
+    return Query("/log", "print", proplist=("topics", "message"))
+
+
+def redacted(row: Row) -> dict[str, str]:
+    """A monitor's row without what names the SIM or the device."""
+    return {name: value for name, value in row.items() if name not in IDENTITIES}
+
+
+def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
+    monitor: Row | None,
+    interfaces: Rows | None = None,
+    profiles: Rows | None = None,
+    addresses: Rows | None = None,
+    log: Rows | None = None,
+    interface: str = "lte1",
+) -> LteReading:
+    """Read what the queries answered; None: a question that the device refused or did not answer.
+
+    `interface` is the modem's default name; its address and its lines in the log go by the name of now.
+    """
+    monitored = {name: value for name, value in redacted(monitor or {}).items() if _meaningful(value)}
+    its_row = _modem(interfaces, interface)
+    name = its_row.get("name", interface)
+    error, from_log = _from_log(log or (), name)
+    state = _state(monitored, its_row)
+    if state is Registration.UNKNOWN and from_log is not None:
+        state = from_log
+    profile = _profile(its_row, profiles or ())
+    operator = _meaningful(monitored.get("current-operator"))
+    return LteReading(
+        source="routeros",
+        state=state,
+        access_tech=_technology(monitored),
+        operator=None if operator is not None and operator.isdecimal() else operator,
+        plmn=operator if operator is not None and operator.isdecimal() else None,
+        band=_band(monitored),
+        cell=_meaningful(monitored.get("current-cellid")),
+        rsrp_dbm=_level(monitored, "rsrp", _RSRP_DBM, "dBm"),
+        rsrq_db=_level(monitored, "rsrq", _RSRQ_DB, "dB"),
+        sinr_db=_level(monitored, "sinr", _SINR_DB, "dB"),
+        rssi_dbm=decibels(monitored.get("rssi"), *_RSSI_DBM),
+        roaming=_roaming(monitored),
+        address=_address(addresses or (), name),
+        apn=_apn_in_use(profile),
+        network_apn=yes(profile.get("use-network-apn")),
+        pin_refused=True if _REFUSED.search(monitored.get("pin-status", "").lower()) else None,
+        last_error=error,
+    )
+
+
+def _meaningful(text: str | None) -> str | None:
+    stripped = (text or "").strip()
+    return None if stripped.lower() in {"", "n/a", "unknown", "none"} else stripped
+
+
+_PUK = re.compile(r"\bpuk2?\b")
+_NO_SIM = re.compile(r"\bno sim\b|not inserted|not present|\bsim (?:card )?(?:missing|absent|failure)")
+_PIN_FREE = re.compile(r"\bno password\b|\bnot required\b|\bok\b|\bready\b|\bdisabled\b|\bunlocked\b")
+_REFUSED = re.compile(r"\bwrong\b|\bincorrect\b|\binvalid\b|\brejected\b")
+_PIN = re.compile(r"\bpin\b|\bpassword\b|\blocked\b")
+_RADIO_OFF = re.compile(r"\bminimum\b|\bminimal\b|\bflight|\bairplane\b|\bradio off\b|\bdisabled?\b|\boffline\b")
+_REGISTRATIONS = (
+    (re.compile(r"\bdenied\b|\brejected\b|\bforbidden\b"), Registration.DENIED),
+    (re.compile(r"\bsearching\b|\bnot registered\b|\bunregistered\b|\binitiali[sz]ing\b"), Registration.SEARCHING),
+    (re.compile(r"\broaming\b"), Registration.REGISTERED_ROAMING),
+    (re.compile(r"\bregistered\b|\bconnected\b|\bconnecting\b|\bcall in progress\b"), Registration.REGISTERED_HOME),
+)
+"""Negatives first: `not registered` has `registered` in it, and `denied` may stand beside either."""
+
+
+def _state(monitored: Row, its_row: Row) -> Registration:
+    if yes(its_row.get("disabled")):
+        return Registration.DISABLED
+    words = [monitored.get(name, "").lower() for name in ("registration-status", "status")]
+    card = _card(monitored.get("pin-status", "").lower(), words)
+    if card is not None:
+        return card
+    if _RADIO_OFF.search(monitored.get("functionality", "").lower()):
+        return Registration.DISABLED
+    found = next((state for word in words if (state := _registration(word)) is not None), Registration.UNKNOWN)
+    roams = found is Registration.REGISTERED_HOME and yes(monitored.get("roaming"))
+    return Registration.REGISTERED_ROAMING if roams else found
+
+
+def _card(pin: str, others: list[str]) -> Registration | None:
+    """What keeps the card from registering, or None."""
+    if any(_NO_SIM.search(word) for word in (pin, *others)):
+        return Registration.SIM_MISSING
+    if _PUK.search(pin):
+        return Registration.SIM_PUK_REQUIRED
+    refused = _REFUSED.search(pin)
+    if refused or (_PIN.search(pin) and not _PIN_FREE.search(pin)):
+        return Registration.SIM_PIN_REQUIRED
+    return None
+
+
+def _registration(word: str) -> Registration | None:
+    return next((state for pattern, state in _REGISTRATIONS if pattern.search(word)), None)
+
+
+def _roaming(monitored: Row) -> bool | None:
+    roams = yes(monitored.get("roaming"))
+    if roams is None and "roaming" in monitored.get("registration-status", "").lower():
+        return True
+    return roams
+
+
+def _technology(monitored: Row) -> str | None:
+    text = _meaningful(monitored.get("data-class")) or _meaningful(monitored.get("access-technology"))
+    if text is None:
+        return None
+    inside = re.search(r"\(([^)]+)\)", text)
+    return (inside[1] if inside is not None else text).lower()
+
+
+def _band(monitored: Row) -> str | None:
+    """Read `B3@20Mhz earfcn: 1300 …` and `1300 (band 3, bandwidth 20Mhz)`."""
+    text = f"{monitored.get('primary-band', '')} {monitored.get('earfcn', '')}"
+    found = re.search(r"\b([BbNn])(\d{1,3})@", text) or re.search(r"\b(b)and (\d{1,3})\b", text)
+    return f"{found[1].upper()}{found[2]}" if found is not None else None
+
+
+def _level(monitored: Row, name: str, bounds: tuple[float, float], unit: str) -> float | None:
+    """Read an LTE level; where the modem is on 5G alone it has only the `nr-` one."""
+    lte = decibels(monitored.get(name), *bounds, unit=unit)
+    return decibels(monitored.get(f"nr-{name}"), *bounds, unit=unit) if lte is None else lte
+
+
+def _profile(its_row: Row, profiles: Rows) -> Row:
+    name = its_row.get("apn-profiles", "").split(",")[0]
+    return next((row for row in profiles if name and row.get("name") == name), {})
+
+
+def _apn_in_use(profile: Row) -> str | None:
+    """Which APN is asked for; which one the network answers with nobody says."""
+    return None if yes(profile.get("use-network-apn")) is not False else _meaningful(profile.get("apn"))
+
+
+def _address(addresses: Rows, interface: str) -> str | None:
+    live = [
+        row["address"].partition("/")[0]
+        for row in addresses
+        if row.get("interface") == interface
+        and row.get("address")
+        and not yes(row.get("disabled"))
+        and not yes(row.get("invalid"))
+    ]
+    return live[0] if live else None
+
+
+_CME = {
+    "10": Registration.SIM_MISSING,
+    "11": Registration.SIM_PIN_REQUIRED,
+    "12": Registration.SIM_PUK_REQUIRED,
+    "16": Registration.SIM_PIN_REQUIRED,
+}
+"""3GPP TS 27.007, 9.2: SIM not inserted, SIM PIN required, SIM PUK required, incorrect password."""
+
+
+def _from_log(log: Rows, interface: str) -> tuple[str | None, Registration | None]:
+    """The latest answer of the modem about the card: its words, and what follows from them."""
+    pattern = re.compile(rf"{re.escape(interface)}: rcvd (?:(\+CME ERROR: (\d+))|\+CPIN: (.*))")
+    found = [match for row in log if (match := pattern.search(row.get("message", "")))]
+    if not found:
+        return None, None
+    last = found[-1]
+    if last[1] is not None:
+        return last[1], _CME.get(last[2])
+    word = last[3].strip().upper()
+    return None, {"SIM PIN": Registration.SIM_PIN_REQUIRED, "SIM PUK": Registration.SIM_PUK_REQUIRED}.get(word)

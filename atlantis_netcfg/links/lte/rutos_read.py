@@ -1,0 +1,421 @@
+"""Read a RutOS unit over HTTPS: a few requests, none changes anything; and what its fields mean."""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.links.lte.judge import LteReading, Registration
+from atlantis_netcfg.links.lte.rutos_client import NotOffered, RutosEndpoint, RutosLoginFailed, RutosRefused, RutosWire
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+
+NAMES: Mapping[str, tuple[str, ...]] = {
+    "operator": ("operator", "oper", "provider", "provider_name", "operator_name"),
+    "registration": ("operator_state", "netstate", "net_reg_stat", "reg_stat_str", "registration"),
+    "connection": ("data_conn_state", "state", "conn_state"),
+    "technology": ("conntype", "ntype", "net_mode_str", "net_mode", "network_type"),
+    "band": ("band", "band_str", "b_str", "sc_band"),
+    "rsrp": ("rsrp", "rsrp_value"),
+    "rsrq": ("rsrq", "rsrq_value"),
+    "sinr": ("sinr", "sinr_value"),
+    "rssi": ("rssi", "signal", "rssi_value"),
+    "card": ("simstate", "sim_state", "sim_state_str"),
+    "pin": ("pinstate", "pin_state", "pin_state_str"),
+    "tries": ("pinleft", "pin_left"),
+    "slot": ("active_sim", "sim_slot"),
+    "plmn": ("opernum", "operator_number", "plmn", "provider_number"),
+    "cell": ("cellid", "cell_id"),
+    "imei": ("imei",),
+    "iccid": ("iccid",),
+}
+"""The names under which it may stand, the newest first. Assumption: rutos-state-words. Assumption: rutos-levels."""
+
+_SILENT = frozenset({"", "n/a", "na", "-", "--", "unknown", "null", "none", "no service"})
+"""Texts that say nothing."""
+_PLAUSIBLE = {"rsrp": (-160.0, -20.0), "rsrq": (-45.0, 20.0), "sinr": (-40.0, 60.0), "rssi": (-140.0, -10.0)}
+"""Beyond these a figure is a place-holder of the firmware, in dBm or dB (3GPP TS 36.133, 9.1 with some room)."""
+_TRY = re.compile(r"(\d+)\s+attempt")
+
+
+def text(record: Mapping[str, Any], what: str) -> str | None:
+    """The first of the names of `what` that says something, in the unit's own words."""
+    for name in NAMES[what]:
+        value = record.get(name)
+        if isinstance(value, str | int | float) and not isinstance(value, bool):
+            words = str(value).strip()
+            if words.lower() not in _SILENT:
+                return words
+    return None
+
+
+def number(record: Mapping[str, Any], what: str) -> float | None:
+    """A figure that may come as a number, as text, or as text with its unit; None if it is none, or cannot be true."""
+    words = text(record, what)
+    match = re.fullmatch(r"\s*(-?\d+(?:\.\d+)?)\s*(?:dBm|dB)?\s*", words or "", re.IGNORECASE)
+    if match is None:
+        return None
+    value = float(match[1])
+    low, high = _PLAUSIBLE.get(what, (float("-inf"), float("inf")))
+    return value if low <= value <= high else None
+
+
+def sim(record: Mapping[str, Any]) -> tuple[Registration | None, bool | None, int | None]:
+    """What stands between card and network, if anything; whether a PIN was refused; PINs left to try.
+
+    A negative word is looked for first: "Not inserted" holds "inserted". A card that asks for a PIN is a card.
+    """
+    words = [(text(record, name) or "").lower() for name in ("pin", "card")]
+    stage = record.get("mobile_stage")
+    tries = number(record, "tries")
+    found = next((match[1] for match in map(_TRY.search, words) if match), None)
+    left = int(found) if found is not None else (None if tries is None else int(tries))
+    refused = any(bad in words[0] for bad in ("wrong", "incorrect", "invalid")) or None
+    if stage in (6, 7) or _asks(words[0], "puk"):
+        return Registration.SIM_PUK_REQUIRED, True, 0
+    if stage == 5 or refused or _asks(words[0], "pin"):  # noqa: PLR2004 - "waiting for PIN to be entered"
+        return Registration.SIM_PIN_REQUIRED, refused, left
+    if any(_absent(each) for each in words) or stage == 1:
+        return Registration.SIM_MISSING, refused, left
+    if stage == 23:  # noqa: PLR2004 - "flight mode enabled"
+        return Registration.DISABLED, refused, left
+    return None, refused, left
+
+
+def _asks(words: str, what: str) -> bool:
+    if f"{what} not required" in words or f"no {what}" in words or "disabled" in words:
+        return False
+    return re.search(rf"\b{what}\b", words) is not None and not words.endswith((" ok", " ready"))
+
+
+def _absent(words: str) -> bool:
+    return any(word in words for word in ("not inserted", "not present", "no sim", "absent", "missing", "sim failure"))
+
+
+def registration(words: str | None) -> Registration:
+    """Where the unit is in the network.
+
+    "Not registered" counts as searching: 3GPP's "not registered, not searching" has no word of its own in the record.
+    "Registered" alone does not say in which network, and counts as home.
+    """
+    if words is None:
+        return Registration.UNKNOWN
+    lowered = words.lower()
+    if "denied" in lowered:
+        return Registration.DENIED
+    if "searching" in lowered or "not registered" in lowered or "unregistered" in lowered:
+        return Registration.SEARCHING
+    if "roaming" in lowered and "not roaming" not in lowered:
+        return Registration.REGISTERED_ROAMING
+    if "registered" in lowered or lowered == "home":
+        return Registration.REGISTERED_HOME
+    return Registration.UNKNOWN
+
+
+TECHNOLOGIES = {"5g": "5g", "nr": "5g", "lte": "lte", "4g": "lte", "wcdma": "umts", "hspa": "umts", "umts": "umts"}
+TECHNOLOGIES |= {"3g": "umts", "gsm": "gsm", "edge": "gsm", "gprs": "gsm", "2g": "gsm"}
+
+
+def technology(words: str | None) -> str | None:
+    """`4G (LTE)` to lte; a word that nobody knows stays what it is, in lower case. Assumption: rutos-cell."""
+    if words is None:
+        return None
+    lowered = words.lower()
+    return next((name for word, name in TECHNOLOGIES.items() if word in lowered), lowered)
+
+
+def band(words: str | None) -> str | None:
+    """`LTE B3`, `LTE_B3` or `B3` to B3; `n78` stays."""
+    match = re.search(r"(?:\b|_)([bn])(\d{1,3})\b", words or "", re.IGNORECASE)
+    if match is None:
+        return None
+    return f"B{match[2]}" if match[1].lower() == "b" else f"n{match[2]}"
+
+
+def plmn(record: Mapping[str, Any]) -> str | None:
+    """Five or six digits, from a field of its own or from the serving cell."""
+    words = text(record, "plmn")
+    if words is not None and re.fullmatch(r"\d{5,6}", words):
+        return words
+    cells = record.get("cell_info")
+    cell = cells[0] if isinstance(cells, list) and cells and isinstance(cells[0], dict) else {}
+    code = f"{cell.get('mcc', '')}{cell.get('mnc', '')}"
+    return code if re.fullmatch(r"\d{5,6}", code) else None
+
+
+def cell(record: Mapping[str, Any]) -> str | None:
+    """The serving cell's identity: in a field of its own, or in that of the serving cell. Assumption: rutos-cell."""
+    cells = record.get("cell_info")
+    first = cells[0] if isinstance(cells, list) and cells and isinstance(cells[0], dict) else {}
+    return text(record, "cell") or text(first, "cell")
+
+
+SOURCE = "rutos"
+REGISTERED = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
+
+
+def modem_of(rows: object) -> Mapping[str, Any] | None:
+    """The modem that carries the link: the primary one, else the first; None if there is none."""
+    found = [row for row in (rows if isinstance(rows, list) else [rows]) if isinstance(row, dict)]
+    return next((row for row in found if str(row.get("primary")).lower() in ("true", "1")), found[0] if found else None)
+
+
+def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | None = None) -> LteReading:
+    """Put one record into ours. `interfaces`: the rows of the interfaces' status, for the address."""
+    between, refused, left = sim(modem)
+    reported = text(modem, "registration")
+    state = between or registration(reported)
+    slot = number(modem, "slot")
+    registered = state in REGISTERED
+    return LteReading(
+        source=SOURCE,
+        state=state,
+        access_tech=technology(text(modem, "technology")),
+        operator=text(modem, "operator"),
+        plmn=plmn(modem),
+        band=band(text(modem, "band")),
+        cell=cell(modem),
+        rsrp_dbm=number(modem, "rsrp"),
+        rsrq_db=number(modem, "rsrq"),
+        sinr_db=number(modem, "sinr"),
+        rssi_dbm=number(modem, "rssi"),
+        roaming=state is Registration.REGISTERED_ROAMING if registered else None,
+        sim_slot=None if slot is None else int(slot),
+        address=_address(interfaces),
+        connected=connected(modem),
+        apn=apn,
+        pin_refused=refused,
+        pin_tries_left=left,
+        last_error=None if registered else _error(modem, reported),
+    )
+
+
+def connected(modem: Mapping[str, Any]) -> bool | None:
+    """Whether the unit says that its data connection is up: `state` is the connection, `simstate` the card."""
+    reported = (text(modem, "connection") or "").lower()
+    if reported.startswith(("disconnected", "not connected")):
+        return False
+    return True if reported.startswith("connected") else None
+
+
+def serial_of(status: object) -> str | None:
+    """The serial number (`mnfinfo.serial` of the device's status) identifies the unit. Assumption: rutos-serial."""
+    if not isinstance(status, dict):
+        return None
+    for part in (status.get("mnfinfo"), status):
+        if isinstance(part, dict) and isinstance(part.get("serial"), str | int) and str(part["serial"]).strip():
+            return str(part["serial"]).strip()
+    return None
+
+
+def _error(modem: Mapping[str, Any], registration: str | None) -> str | None:
+    """What stands in the way, in the unit's words."""
+    for reported in (text(modem, "pin"), text(modem, "card"), registration):
+        if reported is not None and reported.lower() not in ("inserted", "ok", "ready"):
+            return reported
+    return None
+
+
+def _address(interfaces: object) -> str | None:
+    """The first IPv4 address of a mobile interface (`mob1s1a1`), in `ipaddrs`. Assumption: rutos-address."""
+    rows = interfaces if isinstance(interfaces, list) else []
+    for row in rows:
+        if not isinstance(row, dict) or not _mobile(row):
+            continue
+        for found in _texts(row):
+            if match := re.fullmatch(r"(\d+\.\d+\.\d+\.\d+)(?:/\d+)?", found.strip()):
+                return match[1]
+    return None
+
+
+def _mobile(row: Mapping[str, Any]) -> bool:
+    name = str(row.get("id") or row.get("name") or "")
+    return row.get("network_type") == "mobile" or re.match(r"mob\d+s\d+a\d+", name) is not None
+
+
+def _texts(row: Mapping[str, Any]) -> Sequence[str]:
+    """Addresses as text, as a list of texts, or as a list of rows with `address`."""
+    result: list[str] = []
+    for name in ("ipaddrs", "ipv4-address", "ipv4_address", "ip", "ipaddr"):
+        value = row.get(name)
+        for item in value if isinstance(value, list) else [value]:
+            each = item.get("address") if isinstance(item, dict) else item
+            if isinstance(each, str):
+                result.append(each)
+    return result
+
+
+INTERFACES, DEVICE = "/api/interfaces/basic/status", "/api/system/device/status"
+READS = ("/api/modems/status", "/api/sim_cards/status", INTERFACES, DEVICE)
+"""All that is ever asked for after `POST /api/login`; each by GET."""
+UBUS_READS = (("gsm.modem0", "get_signal_query"), ("gsm.modem0", "info"))
+"""All that is ever called on older firmware after `session login`."""
+_NOBODY = "0" * 32
+"""The session of somebody who has not logged in (OpenWrt, rpcd)."""
+_FORBIDDEN = (401, 403)  # Assumption: rutos-refusals
+_DENIED = 6
+"""UBUS_STATUS_PERMISSION_DENIED."""
+
+
+@dataclass(frozen=True, slots=True)
+class RutosLook:
+    """What one look at a unit has given, and what it cost."""
+
+    reading: LteReading
+    serial: str | None = None
+    """Identifies the unit; None: this user may not read it, or the firmware does not say."""
+    slots: tuple[str, ...] = ()
+    """Sections of the SIM slots, in their order: slots, not cards."""
+    requests: int = 0
+    sent: int = 0
+    received: int = 0
+    identities: Mapping[str, str] = field(default_factory=dict, repr=False)
+    """`imei` and `iccid`, whole: for a record that masks them, and for nothing else."""
+    unread: tuple[str, ...] = ()
+    """Pages that this user or this firmware does not have."""
+
+
+def identities_of(modem: Mapping[str, Any]) -> dict[str, str]:
+    """The numbers that name the modem and its SIM, where the unit tells them."""
+    found = {name: text(modem, name) for name in ("imei", "iccid")}
+    return {name: value for name, value in found.items() if value is not None and value.strip("0")}
+
+
+def read(endpoint: RutosEndpoint) -> RutosLook:
+    """Log in, read, and let go.
+
+    Raises RutosUnreachable, CertificateUnknown and CertificateChanged (before the password is sent), RutosLoginFailed,
+    RutosRefused.
+    """
+    wire = RutosWire(endpoint)
+    try:
+        session = _Rest(endpoint, wire)
+        try:
+            session.log_in()
+        except NotOffered:
+            return _by_ubus(endpoint, wire)
+        return _by_rest(endpoint, wire, session)
+    finally:
+        wire.close()
+
+
+def _by_rest(endpoint: RutosEndpoint, wire: RutosWire, session: _Rest) -> RutosLook:
+    modems, *others = READS
+    modem = modem_of(session.get(modems))
+    if modem is None:
+        raise RutosRefused(
+            f"{endpoint}: the unit says that it has no modem",
+            hint="switch it off and on; a modem that stays away is broken",
+        )
+    rows, interfaces, device = pages = [session.optional(each) for each in others]
+    spent = (wire.requests, wire.sent, wire.received)
+    unread = tuple(name for name, page in zip(others, pages, strict=True) if page is None)
+    reading, serial = reading_of(modem, interfaces), serial_of(device)
+    return RutosLook(reading, serial, _sections(rows), *spent, identities_of(modem), unread)
+
+
+def _sections(rows: object) -> tuple[str, ...]:
+    found = [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
+    return tuple(str(row["section_name"]) for row in found if row.get("section_name"))
+
+
+class _Rest:
+    """The API of RutOS 7: a token, renewed once when it has run out."""
+
+    def __init__(self, endpoint: RutosEndpoint, wire: RutosWire) -> None:
+        self._endpoint = endpoint
+        self._wire = wire
+        self._token: str | None = None
+
+    def log_in(self) -> None:
+        """Raises RutosLoginFailed, NotOffered."""
+        who = {"username": self._endpoint.user, "password": self._endpoint.password.reveal()}
+        answer = self._wire.ask("POST", "/api/login", who)
+        data = _data(answer.body)
+        token = data.get("token") if isinstance(data, dict) else None
+        if answer.status in _FORBIDDEN or (isinstance(answer.body, dict) and answer.body.get("success") is False):
+            raise _not_let_in(self._endpoint)
+        if not isinstance(token, str) or not token:
+            raise RutosRefused(
+                f"{self._endpoint}: the answer to the login is not one of RutOS (HTTP {answer.status})",
+                hint="is this a Teltonika unit? Another make: `driver: manual`",
+            )
+        self._token = token
+
+    def get(self, path: str) -> Any:  # noqa: ANN401 - JSON of any shape
+        """Raises RutosRefused if the unit does not give it."""
+        answer = self._wire.ask("GET", path, token=self._token)
+        if answer.status in _FORBIDDEN:
+            self.log_in()
+            answer = self._wire.ask("GET", path, token=self._token)
+        succeeded = isinstance(answer.body, dict) and answer.body.get("success") is True
+        if answer.status in _FORBIDDEN or not succeeded:
+            raise RutosRefused(
+                f"{self._endpoint}: the unit does not give {path} (HTTP {answer.status})",
+                hint=f"user {self._endpoint.user} needs the right to read it: System > Administration > Access control",
+            )
+        return _data(answer.body)
+
+    def optional(self, path: str) -> Any:  # noqa: ANN401 - JSON of any shape
+        """None where this firmware or this user has no such page: a reading does without."""
+        answer = None
+        with suppress(NotOffered):
+            answer = self._wire.ask("GET", path, token=self._token)
+        return _data(answer.body) if answer is not None and answer.status not in _FORBIDDEN else None
+
+
+def _data(body: object) -> Any:  # noqa: ANN401 - JSON of any shape
+    return body.get("data") if isinstance(body, dict) else None
+
+
+def _not_let_in(endpoint: RutosEndpoint) -> RutosLoginFailed:
+    return RutosLoginFailed(
+        f"{endpoint}: the unit did not accept user {endpoint.user} and the declared password",
+        hint="compare `access` in host_vars with the unit; after some wrong passwords RutOS blocks the address",
+    )
+
+
+def _by_ubus(endpoint: RutosEndpoint, wire: RutosWire) -> RutosLook:
+    """Firmware without the API: JSON-RPC to ubus, whose field names differ again."""
+    who = {"username": endpoint.user, "password": endpoint.password.reveal()}
+    code, session = _call(endpoint, wire, _NOBODY, ("session", "login"), who)
+    token = session.get("ubus_rpc_session")
+    if code == _DENIED or not isinstance(token, str):
+        raise _not_let_in(endpoint)
+    merged: dict[str, Any] = {}
+    for target in UBUS_READS:
+        code, found = _call(endpoint, wire, token, target, {})
+        if code:
+            raise RutosRefused(
+                f"{endpoint}: the unit does not give {' '.join(target)} (ubus status {code})",
+                hint=f"may user {endpoint.user} read it, and is there a modem in the unit?",
+            )
+        cached = found.get("cache")
+        merged |= found | (cached if isinstance(cached, dict) else {})
+    spent = (wire.requests, wire.sent, wire.received)
+    return RutosLook(reading_of(merged), None, (), *spent, identities_of(merged), READS[1:])
+
+
+def _call(
+    endpoint: RutosEndpoint, wire: RutosWire, session: str, target: tuple[str, str], arguments: dict[str, str]
+) -> tuple[int, dict[str, Any]]:
+    body = {"jsonrpc": "2.0", "id": 1, "method": "call", "params": [session, *target, arguments]}
+    try:
+        answer = wire.ask("POST", "/ubus", body)
+    except NotOffered as error:
+        raise RutosRefused(
+            f"{endpoint}: neither the API of RutOS nor ubus answers here",
+            hint="is this a Teltonika unit? Another make: `driver: manual`",
+        ) from error
+    result = answer.body.get("result") if isinstance(answer.body, dict) else None
+    if not isinstance(result, list) or not result or not isinstance(result[0], int):
+        wrong = answer.body.get("error") if isinstance(answer.body, dict) else None
+        if isinstance(wrong, dict) and wrong.get("code") == -32002:  # noqa: PLR2004 - "Access denied" of uhttpd's JSON-RPC
+            return _DENIED, {}
+        raise RutosRefused(f"{endpoint}: the answer to {' '.join(target)} is not one of ubus (HTTP {answer.status})")
+    found = result[1] if len(result) > 1 else {}
+    return result[0], found if isinstance(found, dict) else {}

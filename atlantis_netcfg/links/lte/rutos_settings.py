@@ -1,0 +1,222 @@
+"""What is to be set on a RutOS unit: the difference between what is declared and what `uci show` says. Pure.
+
+Which sections and options hold it: `network.mob1s1a1` (interface of protocol `wwan`, for a slot: `sim`) with `apn`,
+`auth`, `username` and `password`, and `simcard` (a section `sim` for each slot: `position`) with `deny_roaming`; these
+are the names that RutOS' own published network scripts read. Of `auto_apn`, which lets the unit choose by itself, and
+of `reload_config`, which makes all of it effective: Assumption: rutos-settings. A unit without the expected section is
+refused and left alone. In which option a unit keeps its bands is not known: declared bands are
+compared with the band in use, and never set.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.secret import MASK, Secret
+from atlantis_netcfg.links.lte.judge import LteReading, Registration
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+
+SHOW = "uci show network && uci show simcard"
+"""Reads both packages in one round trip."""
+WRITE = "uci batch"
+"""Reads lines on its standard input, goes on after an error, and ends with 0: only reading back tells."""
+PIN = "pincode"
+"""The option in which a unit keeps the PIN that it tries. Assumption: rutos-pin"""
+RELOAD = "reload_config"
+"""OpenWrt's own command: services whose configuration has changed are reloaded."""
+_LINE = re.compile(r"(\w+)\.(@?\w+(?:\[\d+\])?)(?:\.(\w+))?=(.*)")
+_MOBILE = ("wwan", "qmi", "mbim", "ncm", "mobile")
+"""Protocols of a mobile interface; `wwan` is RutOS 7's."""
+
+_A_PERSONS = 2
+"""Below so many tries nothing is tried by a program: the last one before the PUK is a person's."""
+
+Sections = dict[tuple[str, str], dict[str, str]]
+"""Options by package and section; the section's type stands under the empty name."""
+
+
+class SettingRefused(DeviceFailed):
+    """The unit cannot be set as declared; nothing was sent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LteSettings:
+    """What is declared of a SIM."""
+
+    apn: str | None = None
+    user: str | None = None
+    password: Secret | None = None
+    pin: Secret | None = None
+    roaming: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SettingChange:
+    """One option that differs."""
+
+    package: str
+    section: str
+    option: str
+    value: str
+    before: str | None
+    secret: bool = False
+
+    @property
+    def line(self) -> str:
+        """As a person reads it, secrets masked."""
+        return f"set {self.package}.{self.section}.{self.option}='{MASK if self.secret else self.value}'"
+
+    @property
+    def removed(self) -> str | None:
+        """What stands there, secrets masked; None if nothing does."""
+        if self.before is None:
+            return None
+        return f"set {self.package}.{self.section}.{self.option}='{MASK if self.secret else self.before}'"
+
+
+def parse_show(text: str) -> Sections:
+    """Read what `uci show` prints; a list's values are joined by blanks."""
+    sections: Sections = {}
+    for line in text.splitlines():
+        match = _LINE.fullmatch(line.strip())
+        if match is None:
+            continue
+        package, section, option, value = match.groups()
+        try:
+            words = " ".join(shlex.split(value))
+        except ValueError:
+            continue
+        sections.setdefault((package, section), {})[option or ""] = words
+    return sections
+
+
+def pin_held(reading: LteReading, desired: LteSettings, sections: Sections, *, tried: str) -> str | None:
+    """Why nothing may be set while the card asks for a PIN: every reload may try the PIN that the unit has saved.
+
+    `tried`: why a PIN must not be tried, as far as earlier runs know. None: the card asks for none, or the declared PIN
+    was never tried and is the one that the reload will try.
+    """
+    if reading.state is Registration.SIM_PUK_REQUIRED:
+        return "the SIM is locked after too many wrong PINs and asks for its PUK"
+    if reading.state is not Registration.SIM_PIN_REQUIRED:
+        return None
+    pin = None if desired.pin is None else desired.pin.reveal()
+    saved = _slot(sections, _place(reading))[1].get(PIN)
+    reasons = (
+        (pin is None, "the SIM asks for a PIN and none is declared"),
+        (tried, tried),
+        (reading.pin_refused, "the SIM has refused the PIN"),
+        (saved == pin, "the unit has the declared PIN saved, and the SIM still asks for one: it is wrong"),
+        ((reading.pin_tries_left or 3) < _A_PERSONS, "the SIM has one try left, which is a person's"),
+    )
+    return next((reason for holds, reason in reasons if holds), None)
+
+
+def removal(change: SettingChange) -> str:
+    """What `uci batch` reads to take one option away again."""
+    return f"delete {change.package}.{change.section}.{change.option}\ncommit {change.package}\n"
+
+
+def changes(reading: LteReading, desired: LteSettings, sections: Sections) -> tuple[SettingChange, ...]:
+    """What has to be set, in order; empty if the unit is as declared. Raises SettingRefused.
+
+    A declared PIN is set only while the card asks for one.
+    """
+    place = _place(reading)
+    found = [*_interface(sections, place, desired), *_card(sections, place, desired, reading)]
+    for change in found:
+        if not change.value.isprintable() or "'" in change.value or "\\" in change.value:
+            name = "the value" if change.secret else f"`{change.value}`"
+            raise SettingRefused(
+                f"{name} of {change.package}.{change.section}.{change.option} has a quote, a backslash or a "
+                "control character",
+                hint="set it on the unit's own page",
+            )
+    return tuple(found)
+
+
+def batch(found: tuple[SettingChange, ...]) -> str:
+    """What `uci batch` reads on its standard input; secrets in clear: it goes nowhere else."""
+    lines = [f"set {change.package}.{change.section}.{change.option}='{change.value}'" for change in found]
+    return "".join(f"{line}\n" for line in (*lines, *(f"commit {name}" for name in _packages(found))))
+
+
+def _packages(found: tuple[SettingChange, ...]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(change.package for change in found))
+
+
+def _place(reading: LteReading) -> str:
+    """The slot in use; a unit that does not say has one."""
+    return str(reading.sim_slot or 1)
+
+
+def _interface(sections: Sections, place: str, desired: LteSettings) -> Iterator[SettingChange]:
+    if desired.apn is None and desired.user is None and desired.password is None:
+        return
+    name, options = _mobile(sections, place)
+    declared: dict[str, tuple[str | None, bool]] = {
+        "auto_apn": (None if desired.apn is None else "0", False),
+        "apn": (desired.apn, False),
+        "auth": (_authentication(desired, options), False),
+        "username": (desired.user, False),
+        "password": (None if desired.password is None else desired.password.reveal(), True),
+    }
+    yield from _differing("network", name, options, declared)
+
+
+def _authentication(desired: LteSettings, options: Mapping[str, str]) -> str | None:
+    """With user and password what the unit has, else `pap`; without, as it is. Assumption: rutos-settings."""
+    if desired.user is None and desired.password is None:
+        return None
+    there = options.get("auth", "none")
+    return there if there != "none" else "pap"
+
+
+def _card(sections: Sections, place: str, desired: LteSettings, reading: LteReading) -> Iterator[SettingChange]:
+    name, options = _slot(sections, place)
+    if not name:
+        raise SettingRefused(
+            f"the unit has no section `sim` for slot {place} in its configuration `simcard`",
+            hint="its firmware keeps this elsewhere: set it on the unit's own page, and take `admin_user` out of "
+            "`access`, so that it is only checked",
+        )
+    denied = "0" if desired.roaming else "1"
+    if (options.get("deny_roaming") or "0") != denied:
+        yield SettingChange("simcard", name, "deny_roaming", denied, options.get("deny_roaming"))
+    if desired.pin is not None and reading.state is Registration.SIM_PIN_REQUIRED:
+        yield from _differing("simcard", name, options, {PIN: (desired.pin.reveal(), True)})
+
+
+def _differing(
+    package: str, section: str, options: Mapping[str, str], declared: Mapping[str, tuple[str | None, bool]]
+) -> Iterator[SettingChange]:
+    for option, (value, secret) in declared.items():
+        if value is not None and options.get(option) != value:
+            yield SettingChange(package, section, option, value, options.get(option), secret)
+
+
+def _mobile(sections: Sections, place: str) -> tuple[str, Mapping[str, str]]:
+    """The mobile interface of a slot; the first of several, as further ones are for further APNs."""
+    for (package, name), options in sections.items():
+        mobile = options.get("proto") in _MOBILE and options.get("sim", "1") == place
+        if package == "network" and options.get("") == "interface" and mobile:
+            return name, options
+    raise SettingRefused(
+        f"the unit has no mobile interface for slot {place} in its configuration `network`",
+        hint="its firmware keeps this elsewhere: set it on the unit's own page, and take `admin_user` out of `access`, "
+        "so that it is only checked",
+    )
+
+
+def _slot(sections: Sections, place: str) -> tuple[str, Mapping[str, str]]:
+    for (package, name), options in sections.items():
+        if package == "simcard" and options.get("") == "sim" and options.get("position") == place:
+            return name, options
+    return "", {}

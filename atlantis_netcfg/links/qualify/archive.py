@@ -1,0 +1,127 @@
+"""The runs of a site on this computer: `<state>/<real|rehearsal>/<site>/qualify/<run>/`.
+
+A run is there when its `run.json` is. `record.json` beside it is made of the two files of the run; where it is missing,
+of another version, or no longer of these samples, the figures are made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.links.qualify.measured_run import RUN_FILE, SAMPLES_FILE, MeasuredRun, read_run
+from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
+from atlantis_netcfg.links.qualify.samples import read
+from atlantis_netcfg.runs import NoSuchRun, StateDamaged, os_errors_as, write_atomically
+from atlantis_netcfg.runs.files import component
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.links.qualify.judgement import QualifyProfile
+    from atlantis_netcfg.links.qualify.samples import Sample
+    from atlantis_netcfg.runs import Store
+
+RECORD_FILE: Final = "record.json"
+
+
+@dataclass(frozen=True, slots=True)
+class KeptRun:
+    """A run and its folder."""
+
+    folder: Path
+    run: MeasuredRun
+
+
+def folder_of(store: Store, site: str) -> Path:
+    """Where the runs of a site are kept. UsageError: no site can have this name."""
+    try:
+        return store.root / component(site) / "qualify"
+    except ValueError as error:
+        raise UsageError(f"`{site}` cannot be the name of a site", hint="type its name: `site=coastal`") from error
+
+
+def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]:
+    """Give the runs of a site, or of one of its links, oldest first. StateDamaged: a `run.json` cannot be read."""
+    folder = folder_of(store, site)
+    places = [path for path in folder.iterdir() if (path / RUN_FILE).is_file()] if folder.is_dir() else []
+    found = [KeptRun(place, _run(place)) for place in places]
+    return sorted(
+        (item for item in found if link in {None, item.run.link}), key=lambda item: (item.run.begun, item.run.id)
+    )
+
+
+def kept_run(store: Store, site: str, run: str) -> KeptRun:
+    """Give a run by its name. NoSuchRun, StateDamaged."""
+    folder = folder_of(store, site)
+    names = sorted(path.name for path in folder.iterdir() if (path / RUN_FILE).is_file()) if folder.is_dir() else []
+    if run not in names:
+        rehearsed = " --rehearsed" if store.rehearsed else ""
+        near = nearest(run, names)
+        meant = f"did you mean `{near}`? " if near else ""
+        hint = f"{meant}`provision qualify history site={site}{rehearsed}` lists them" if names else None
+        raise NoSuchRun(f"{site} has no measurement `{run}`", hint=hint)
+    return KeptRun(folder / run, _run(folder / run))
+
+
+def _run(folder: Path) -> MeasuredRun:
+    try:
+        return read_run(folder)
+    except (OSError, ValueError) as error:
+        raise StateDamaged(
+            f"the measurement in {folder} is damaged, or of another version",
+            hint="put this folder aside, and type the same again",
+        ) from error
+
+
+def samples_of(folder: Path) -> list[Sample]:
+    """Read the samples of a run; none where it has sent nothing. SamplesUnreadable, StateDamaged."""
+    path = folder / SAMPLES_FILE
+    try:
+        with path.open(encoding="utf-8") as lines:
+            return [*read(lines, str(path))]
+    except FileNotFoundError:
+        return []
+    except (OSError, UnicodeDecodeError) as error:
+        hint = "put this folder aside, and type the same again"
+        raise StateDamaged(f"the samples in {folder} are damaged", hint=hint) from error
+
+
+def _digest(folder: Path) -> str:
+    path = folder / SAMPLES_FILE
+    return hashlib.sha256(path.read_bytes() if path.is_file() else b"").hexdigest()
+
+
+def record_of(kept: KeptRun, thresholds: tuple[str, QualifyProfile] | None = None) -> QualifyRecord:
+    """Give the figures of a run: as they were kept, where that is still of its samples; else made again."""
+    digest = _digest(kept.folder)
+    known = _kept_record(kept.folder) if thresholds is None else None
+    if known is not None and known.samples_sha256 == digest and known.run == kept.run:
+        return known
+    return make_record(kept.run, samples_of(kept.folder), digest, thresholds)
+
+
+def made_anew(folder: Path, thresholds: tuple[str, QualifyProfile] | None = None) -> tuple[QualifyRecord, list[Sample]]:
+    """Make the figures of a run from its samples, and give these as well. SamplesUnreadable, StateDamaged."""
+    samples = samples_of(folder)
+    return make_record(_run(folder), samples, _digest(folder), thresholds), samples
+
+
+def _kept_record(folder: Path) -> QualifyRecord | None:
+    try:
+        return QualifyRecord.model_validate_json((folder / RECORD_FILE).read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def keep_record(folder: Path, record: QualifyRecord) -> None:
+    """Put the figures beside the samples. JournalFailed."""
+    with os_errors_as("the figures of the measurement", folder):
+        write_atomically(folder / RECORD_FILE, record_json(record))
+
+
+def record_json(record: QualifyRecord) -> bytes:
+    """`record.json`: the same bytes for the same figures."""
+    return (record.model_dump_json(indent=1) + "\n").encode()

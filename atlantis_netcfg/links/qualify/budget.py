@@ -1,0 +1,178 @@
+"""What a measurement may use: bytes on the wire, seconds, money. Every transmission asks first.
+
+A packet is charged before it is sent, together with all that it can bring, and what does not come back is not
+refunded: a provider may bill it. For a copy that the link may make of each answer, room is kept until a second after it
+has come. So a budget is never exceeded by more than one packet. The end of a measurement, in which late answers are
+awaited, is charged beforehand as well. Which session
+a provider bills is not known here: each measurement is priced as a session of its own, as `bearers.cost` does
+everywhere.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.links.cost import Bill, Tariff, bill
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from decimal import Decimal
+
+IPV4_HEADERS: Final = 28
+"""IPv4 without options, and UDP."""
+IPV6_HEADERS: Final = 48
+VPN_HEADERS: Final = 52
+"""What OpenVPN puts around a packet over UDP with an AEAD cipher: IPv4 and UDP again, opcode and peer, number, tag."""
+COPY_S: Final = 1.0
+"""How long after an answer the link may still bring its copy."""
+
+
+class BudgetError(UsageError, ValueError):
+    """The budget cannot be kept as it is given."""
+
+
+class BudgetLimit(StrEnum):
+    """What is used up."""
+
+    BYTES = "bytes"
+    SECONDS = "seconds"
+    MONEY = "money"
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """None: no limit of that kind. BudgetError: money is limited, and nobody has declared a tariff."""
+
+    max_bytes: int | None = None
+    """IP and UDP headers included, both directions."""
+    max_seconds: float | None = None
+    max_price: Decimal | None = None
+    tariff: Tariff | None = None
+    closing_s: float = 0.0
+    """How long answers are awaited after the last packet."""
+
+    def __post_init__(self) -> None:
+        if self.max_price is not None and self.tariff is None:
+            raise BudgetError("a limit in money needs the tariff of the link (`billing` of the bearer)")
+
+    def limit(self, size: int, seconds: float) -> BudgetLimit | None:
+        """Say which limit a session of so many bytes and seconds would exceed."""
+        return self._limit(size, seconds + self.closing_s)
+
+    def limit_now(self, size: int, seconds: float) -> BudgetLimit | None:
+        """Say the same of a session that ends at this moment."""
+        return self._limit(size, seconds)
+
+    def _limit(self, size: int, lasts: float) -> BudgetLimit | None:
+        if self.max_bytes is not None and size > self.max_bytes:
+            return BudgetLimit.BYTES
+        if self.max_seconds is not None and lasts > self.max_seconds:
+            return BudgetLimit.SECONDS
+        if self.max_price is not None:
+            price = bill(size, lasts, self.tariff).price
+            if price is None or price > self.max_price:
+                return BudgetLimit.MONEY
+        return None
+
+
+class BudgetGuard:
+    """Counts what a measurement uses from now on. Several streams and stages of a run share one guard."""
+
+    def __init__(self, budget: Budget, now_s: Callable[[], float], headers: int = IPV4_HEADERS) -> None:
+        self.budget = budget
+        self.limited_by: BudgetLimit | None = None
+        """What refused a packet; once set, every packet is refused."""
+        self.sent_bytes = 0
+        self.received_bytes = 0
+        self._charged = 0
+        self._now = now_s
+        self._begin = now_s()
+        self._headers = headers
+        self._answers_until_s: float | None = None
+        """When the far end has sent the last of what was requested."""
+        self._awaited: deque[tuple[float, int]] = deque()
+        """Until when, and how many octets: answers that have not come, in the order of sending."""
+        self._arrived: deque[tuple[float, int]] = deque()
+        """The same of answers that have come, and may come once more."""
+        self._copies = 0
+        """Sum of both."""
+
+    @property
+    def seconds(self) -> float:
+        """Since the guard was made."""
+        return self._now() - self._begin
+
+    def admit(self, request: int, answer: int, answers: int = 1, answer_s: float = 0.0) -> bool:
+        """Charge a UDP payload to send, and that of all that may come back (0: nothing); False: it may not be sent.
+
+        `answers`: how many datagrams these are; `answer_s`: how long the far end sends them.
+        """
+        if self.limited_by is not None:
+            return False
+        seconds = self.seconds
+        back = answer + self._headers * answers if answer else 0
+        size = request + self._headers + back
+        # A copy of one packet may exceed the budget; the copies of all that is under way may not.
+        copies = self._expected_copies(seconds) + back - back // max(1, answers)
+        self.limited_by = self.budget.limit(self._charged + size + copies, seconds + answer_s)
+        if self.limited_by is not None:
+            return False
+        self._charged += size
+        self.sent_bytes += request + self._headers
+        self._answers_until_s = max(self._answers_until_s or 0.0, seconds + answer_s)
+        if back:
+            self._awaited.append((seconds + answer_s + max(self.budget.closing_s, COPY_S), back))
+            self._copies += back
+        return True
+
+    def _expected_copies(self, seconds: float) -> int:
+        """How much more may come if the link doubles each answer."""
+        for kept in (self._awaited, self._arrived):
+            while kept and kept[0][0] < seconds:
+                self._copies -= kept.popleft()[1]
+        return self._copies
+
+    def expires(self, within_s: float) -> bool:
+        """Whether waiting for so long would exceed the budget: time costs, also where nothing is sent."""
+        if self.limited_by is None:
+            self.limited_by = self.budget.limit_now(self._charged, self.seconds + within_s)
+        return self.limited_by is not None
+
+    @property
+    def closing_left_s(self) -> float:
+        """How long answers to the last packet may still be awaited."""
+        until = self._answers_until_s
+        return 0.0 if until is None else max(0.0, until + self.budget.closing_s - self.seconds)
+
+    def count(self, answer: int, charged: int) -> None:
+        """Count a UDP payload that came, of which so much had been charged (0: nobody asked for it)."""
+        size = answer + self._headers
+        self.received_bytes += size
+        self._charged += size - (charged + self._headers if charged else 0)
+        if charged:
+            self._keep_room(size)
+
+    def _keep_room(self, size: int) -> None:
+        """An answer has come: its copy may still, for a while."""
+        left = size
+        while left and self._awaited:
+            until, awaited = self._awaited.popleft()
+            if awaited > left:
+                self._awaited.appendleft((until, awaited - left))
+            self._copies -= min(awaited, left)
+            left -= min(awaited, left)
+        self._arrived.append((self.seconds + COPY_S, size))
+        self._copies += size
+
+    @property
+    def charged_bytes(self) -> int:
+        """What was admitted, with answers that have not come: they may still, and a provider may bill them."""
+        return self._charged
+
+    def spent(self) -> Bill:
+        """Price what has passed up to now: what was sent, and what came."""
+        return bill(self.sent_bytes + self.received_bytes, self.seconds, self.budget.tariff)

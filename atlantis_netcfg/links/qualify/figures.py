@@ -1,0 +1,365 @@
+"""Figures of a train, made of its raw samples and nothing else, so that they can be made again with other limits.
+
+A percentile is the smallest sample that so many of the samples do not exceed (RFC 2330, 11.3). The round trip is the
+sender's own, less the time that the packet lay at the reflector, so it needs no common clock. A delay one way is known
+only up to a constant where the clocks are not synchronised: then its variation is given, above its least value. How
+far the two clocks drift apart in a run is not corrected; 50 parts in a million are 30 ms in ten minutes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.links.qualify import responses
+from atlantis_netcfg.links.qualify.reflector.stamp import is_synchronised
+from atlantis_netcfg.links.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from atlantis_netcfg.links.qualify.responses import AnsweredPacket, Silence
+    from atlantis_netcfg.links.qualify.samples import Sample
+
+GAPS_S: Final = (1, 5, 20, 60)
+_SECOND: Final = 1_000_000_000
+_TRIMMED: Final = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Percentiles:
+    """Of `n` samples, in seconds. Over few samples the upper ones are all the greatest."""
+
+    n: int
+    min: float
+    p50: float
+    p90: float
+    p95: float
+    p99: float
+    max: float
+
+
+@dataclass(frozen=True, slots=True)
+class DelayVariation:
+    """How the delay of one direction varies; no common clock is needed for any of it."""
+
+    above_min: Percentiles
+    """Delay less the least one: what queues and radio add."""
+    rfc3550_s: float
+    """The jitter of RFC 3550, 6.4.1, at the end of the train."""
+    rfc3550_mean_s: float
+    """Its mean over the train: the estimator itself never comes to rest."""
+    ipdv_p95_s: float
+    """Of the absolute difference of the delays of neighbouring packets (RFC 3393)."""
+    delay: Percentiles | None
+    """The delay itself, where both clocks are said to be synchronised."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrainLoss:
+    """Where packets were lost. `up` and `down` are None where that is not known; `why` says it."""
+
+    sent: int
+    received: int
+    """Packets with an answer, late ones among them."""
+    late: int
+    unsent: int
+    """This computer did not take them; not among `sent`."""
+    in_flight: int
+    """Neither answered nor overdue when the run ended; not lost."""
+    lost: int
+    up: int | None
+    down: int | None
+    why: str
+    limited: int
+    """Refused by the reflector because they were too many for its rate; they are among `up` and no loss of the link."""
+    copies_up: int | None
+    copies_down: int
+
+    @property
+    def share(self) -> float:
+        """Lost of those whose fate is known."""
+        known = self.sent - self.in_flight
+        return self.lost / known if known else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FrameLoss:
+    """Shares of packets lost outside of gaps (ITU-T Y.1563); None: not known for each way."""
+
+    up: float | None
+    down: float | None
+    both: float
+    packets: int
+    """Of known fate, outside of gaps."""
+    in_gaps: int
+    """Packets lost in gaps: they count for the availability."""
+
+    @property
+    def share_up(self) -> float:
+        """That of both ways where it is not known each way: no message loses more."""
+        return self.both if self.up is None else self.up
+
+
+@dataclass(frozen=True, slots=True)
+class ArrivalGaps:
+    """Times in which nothing arrived, the beginning and the end of the train among them."""
+
+    longest_s: float
+    above: tuple[tuple[int, int], ...]
+    """How many were longer than so many seconds."""
+    beyond_1_s: float
+    """Sum of the seconds of those that were longer than one."""
+    open_end: bool
+    """The longest one had not ended when the train did: it may be longer."""
+    at_most_s: float | None
+    """What no gap exceeded; None: one at the beginning or the end of the train may be of any length."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrainFigures:
+    """What a train has measured."""
+
+    size: int
+    interval_s: float
+    reason: str
+    loss: TrainLoss
+    flr: FrameLoss
+    rtt: Percentiles | None
+    up: DelayVariation | None
+    down: DelayVariation | None
+    reordered_up: float | None
+    """Share of the packets that arrived (RFC 4737, 3.4)."""
+    reordered_down: float | None
+    gaps: ArrivalGaps
+    rpm: float | None
+    """60 s divided by the mean of the round trips up to the 95th percentile. Under load: round trips per minute."""
+
+
+class NoTrain(LookupError):
+    """The samples hold no train of this name."""
+
+
+def percentile(ordered: Sequence[float], share: float) -> float:
+    """Give a percentile of samples that are sorted; RFC 2330, 11.3."""
+    return ordered[max(0, math.ceil(share * len(ordered)) - 1)]
+
+
+def percentiles(values: Iterable[float]) -> Percentiles | None:
+    """Give those of samples in any order; None: there are none."""
+    ordered = sorted(values)
+    if not ordered:
+        return None
+    p50, p90, p95, p99 = (percentile(ordered, share) for share in (0.5, 0.9, 0.95, 0.99))
+    return Percentiles(len(ordered), ordered[0], p50, p90, p95, p99, ordered[-1])
+
+
+def round_trips_per_minute(rtts: Iterable[float]) -> float | None:
+    """Responsiveness as one number, with the trimmed mean of draft-ietf-ippm-responsiveness-08, 4.3: higher is better.
+
+    The draft takes TCP, TLS and HTTP exchanges; these are test packets over UDP beside the load, so the number is not
+    that of its tools.
+    """
+    ordered = sorted(rtts)
+    kept = ordered[: max(1, math.ceil(_TRIMMED * len(ordered)))]
+    return 60.0 * len(kept) / sum(kept) if ordered and sum(kept) > 0 else None
+
+
+def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
+    """Make the figures of one train. NoTrain."""
+    mine = [sample for sample in samples if sample.stream == stream]
+    begin = next((sample for sample in mine if isinstance(sample, TrainBegan)), None)
+    if begin is None:
+        raise NoTrain(stream)
+    sent = [sample for sample in mine if isinstance(sample, PacketSent)]
+    replies = [sample for sample in mine if isinstance(sample, ReplyReceived)]
+    counted = next((sample for sample in mine if isinstance(sample, ReflectorCounted)), None)
+    end = next((sample for sample in mine if isinstance(sample, StreamEnded)), None)
+    ended_at = end.ended_at_ns if end is not None else max((s.arrived_at_ns for s in replies), default=0)
+    pairs = responses.answered_packets(sent, replies)
+    rtts = [pair.rtt / _SECOND for pair in pairs]
+    both_synchronised = begin.synchronised and bool(pairs) and all(is_synchronised(pair.error) for pair in pairs)
+    up = [(pair.received, pair.received - begin.begin_ns - (pair.sent - begin.begin_at_ns)) for pair in pairs]
+    down = [(pair.arrived, pair.arrived - begin.begin_at_ns - (pair.replied - begin.begin_ns)) for pair in pairs]
+    loss = _loss(begin, sent, replies, pairs, counted, ended_at)
+    silences = responses.find_silences(responses.packets_of_known_fate(mine, begin), pairs, counted)
+    return TrainFigures(
+        size=begin.size,
+        interval_s=begin.interval_s,
+        reason="cut off" if end is None else end.reason,
+        loss=loss,
+        flr=_frame_loss(loss, [silence for silence in silences if responses.is_gap(silence, begin)]),
+        rtt=percentiles(rtts),
+        up=_variation(pairs, up, absolute=both_synchronised),
+        down=_variation(pairs, down, absolute=both_synchronised),
+        reordered_up=_reordered([pair.sequence for pair in sorted(pairs, key=lambda pair: pair.reflector_sequence)]),
+        reordered_down=_reordered([pair.reflector_sequence for pair in sorted(pairs, key=lambda pair: pair.arrived)]),
+        gaps=_gaps(sent, pairs, ended_at, counted),
+        rpm=round_trips_per_minute(rtts),
+    )
+
+
+def round_trips(samples: Iterable[Sample], stream: str) -> list[tuple[float, float | None]]:
+    """Give when each packet was sent, in seconds since the first, and its round trip; None: it was not answered."""
+    mine = [sample for sample in samples if sample.stream == stream]
+    sent = [sample for sample in mine if isinstance(sample, PacketSent) and not sample.error]
+    pairs = responses.answered_packets(sent, [sample for sample in mine if isinstance(sample, ReplyReceived)])
+    rtts = {pair.sequence: pair.rtt / _SECOND for pair in pairs}
+    return [((packet.sent_at_ns - sent[0].sent_at_ns) / _SECOND, rtts.get(packet.sequence)) for packet in sent]
+
+
+def _loss(  # noqa: PLR0913, PLR0917 - all that is known of a train
+    begin: TrainBegan,
+    sent: Sequence[PacketSent],
+    replies: Sequence[ReplyReceived],
+    pairs: Sequence[AnsweredPacket],
+    counted: ReflectorCounted | None,
+    ended_at: int,
+) -> TrainLoss:
+    taken = [packet for packet in sent if not packet.error]
+    timeout = round(begin.timeout_s * _SECOND)
+    answered = {pair.sequence for pair in pairs}
+    silent = [packet for packet in taken if packet.sequence not in answered]
+    in_flight = sum(1 for packet in silent if ended_at - packet.sent_at_ns < timeout)
+    lost = len(silent) - in_flight
+    up, down, why = _direction(len(taken), lost, in_flight, pairs, counted)
+    return TrainLoss(
+        sent=len(taken),
+        received=len(pairs),
+        late=sum(1 for pair in pairs if pair.arrived - pair.sent > timeout),
+        unsent=len(sent) - len(taken),
+        in_flight=in_flight,
+        lost=lost,
+        up=up,
+        down=down,
+        why=why,
+        limited=counted.limited if counted is not None else 0,
+        copies_up=counted.duplicates if counted is not None else None,
+        copies_down=len(replies) - len({reply.sequence for reply in replies}),
+    )
+
+
+def _direction(
+    sent: int, lost: int, in_flight: int, pairs: Sequence[AnsweredPacket], counted: ReflectorCounted | None
+) -> tuple[int | None, int | None, str]:
+    """Split loss by the reflector's own count, else by its sequence numbers (RFC 8762, 4.3.1)."""
+    numbers = [pair.reflector_sequence for pair in pairs]
+    if len(set(numbers)) != len(numbers):
+        return None, None, "the reflector began to count again in this train"
+    if counted is not None and not in_flight:
+        arrived = counted.received - counted.duplicates
+        if len(pairs) <= arrived <= sent:
+            return sent - arrived, lost - (sent - arrived), "by the reflector's count"
+        return None, None, "the reflector's count does not agree with what was sent"
+    return (0, 0, "nothing was lost") if not lost else _by_numbers(lost, pairs)
+
+
+def _by_numbers(lost: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None, int | None, str]:
+    """Split loss where the reflector has told no count of its own."""
+    if not pairs:
+        return None, None, "nothing was answered"
+    if all(pair.sequence == pair.reflector_sequence for pair in pairs):
+        return None, None, "the reflector may only copy the sender's numbers"
+    last = max(pair.reflector_sequence for pair in pairs)
+    down = last + 1 - len(pairs)
+    up = max(0, max(pair.sequence for pair in pairs) - last)
+    if up + down != lost:
+        return None, None, f"of {lost - up - down} packets at the end nobody knows where they were lost"
+    return up, down, "by the reflector's sequence numbers"
+
+
+def _frame_loss(loss: TrainLoss, gaps: Sequence[Silence]) -> FrameLoss:
+    known, in_gaps = loss.sent - loss.in_flight, sum(gap.packets for gap in gaps)
+    outside = known - in_gaps
+    both = (loss.lost - in_gaps) / outside if outside else 0.0
+    down_in_gaps = [gap.down for gap in gaps if gap.down is not None]
+    if loss.up is None or loss.down is None or len(down_in_gaps) < len(gaps) or not outside:
+        return FrameLoss(None, None, both, outside, in_gaps)
+    # A packet that was overtaken may make a gap's share of one way too large by one.
+    lost_down = max(0, loss.down - sum(down_in_gaps))
+    lost_up = max(0, loss.lost - in_gaps - lost_down)
+    reached = outside - lost_up
+    return FrameLoss(lost_up / outside, lost_down / reached if reached else None, both, outside, in_gaps)
+
+
+def _variation(
+    pairs: Sequence[AnsweredPacket], delays: Sequence[tuple[int, int]], *, absolute: bool
+) -> DelayVariation | None:
+    """`delays`: for each packet in the order of sending when it arrived, and its delay up to a constant."""
+    if not delays:
+        return None
+    values = [delay / _SECOND for _, delay in delays]
+    least = min(values)
+    above = percentiles(value - least for value in values)
+    if above is None:
+        return None
+    ipdv = sorted(
+        abs(later - earlier)
+        for (before, earlier), (after, later) in pairwise(zip(pairs, values, strict=True))
+        if after.sequence == before.sequence + 1
+    )
+    jitters = _rfc3550([delay / _SECOND for _, delay in sorted(delays)])
+    return DelayVariation(
+        above_min=above,
+        rfc3550_s=jitters[-1] if jitters else 0.0,
+        rfc3550_mean_s=sum(jitters) / len(jitters) if jitters else 0.0,
+        ipdv_p95_s=percentile(ipdv, 0.95) if ipdv else 0.0,
+        delay=percentiles(values) if absolute else None,
+    )
+
+
+def _rfc3550(transits: Sequence[float]) -> list[float]:
+    """Give the estimate after each packet, in the order of arrival."""
+    estimates, jitter = [], 0.0
+    for earlier, later in pairwise(transits):
+        jitter += (abs(later - earlier) - jitter) / 16
+        estimates.append(jitter)
+    return estimates
+
+
+def _reordered(sequences: Sequence[int]) -> float | None:
+    """Share of packets that arrived after one that was sent later."""
+    if not sequences:
+        return None
+    expected, reordered = 0, 0
+    for sequence in sequences:
+        if sequence < expected:
+            reordered += 1
+        else:
+            expected = sequence + 1
+    return reordered / len(sequences)
+
+
+def _gaps(
+    sent: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], ended_at: int, counted: ReflectorCounted | None
+) -> ArrivalGaps:
+    """Between arrivals; the first packet and the last are taken to arrive after the least round trip."""
+    if not sent:
+        return ArrivalGaps(0.0, tuple((limit, 0) for limit in GAPS_S), 0.0, open_end=False, at_most_s=None)
+    least = min((pair.rtt for pair in pairs), default=0)
+    arrivals = sorted(pair.arrived for pair in pairs)
+    first = sent[0].sent_at_ns + least
+    last = min(sent[-1].sent_at_ns + least, ended_at)
+    times = [
+        first,
+        *(arrival for arrival in arrivals if arrival >= first),
+        max(last, arrivals[-1] if arrivals else last),
+    ]
+    gaps = [(later - earlier) / _SECOND for earlier, later in pairwise(times)]
+    longest = max(gaps)
+    ends = (pairs[0].sequence - sent[0].sequence, sent[-1].sequence - pairs[-1].sequence) if pairs else None
+    at_most: float | None = None
+    if ends is not None and ends[0] < responses.LEAST_GAP_PACKETS:
+        if ends[1] < responses.LEAST_GAP_PACKETS:
+            at_most = longest
+        elif counted is not None:  # its answer was the first sign of life, and ended the stream
+            at_most = max(longest, (ended_at - arrivals[-1]) / _SECOND)
+    return ArrivalGaps(
+        longest,
+        tuple((limit, sum(1 for gap in gaps if gap > limit)) for limit in GAPS_S),
+        sum(gap for gap in gaps if gap > 1),
+        open_end=gaps[-1] >= longest > 0,
+        at_most_s=at_most,
+    )

@@ -1,0 +1,195 @@
+"""What Tables 33 and 34 of the report may have been: small telemetry and images, each size at each rate.
+
+Their shape is unknown: only their titles survive, so every page that shows a grid shows `SHAPE_UNKNOWN` with it.
+Contents do not matter on the wire. A telemetry message of so many octets is a test packet with the octets that RTPS
+would add; images are random octets of a nominal JPEG size, labelled with the picture that they stand for, sent in
+chunks and not sent again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.qualify.messages import DEFAULT_PACKET, MessagePlan
+from atlantis_netcfg.links.qualify.reflector.stamp import (
+    ACKNOWLEDGEMENT_SIZE,
+    AUTHENTICATED_SIZE,
+    chunk_room,
+    extended_size,
+)
+from atlantis_netcfg.links.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, MIN_LOST, RateLimit, failed
+from atlantis_netcfg.links.qualify.session import TrainPlan
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.links.qualify.figures import TrainFigures
+    from atlantis_netcfg.links.qualify.transfers import MessageFigures
+
+SHAPE_UNKNOWN: Final = (
+    "Of Tables 33 and 34 of the report only the titles are known; these sizes and rates are a proposal."
+)
+RTPS_OCTETS: Final = 72
+"""What RTPS adds to a small sample: 60 to 80 octets were counted."""
+FEW: Final = "few messages"
+"""One is lost, and of so few that it is more than may be: neither a failure nor proof."""
+GAP: Final = "a gap of the link"
+"""It has cost packets, whatever the size and the rate."""
+LEAST_PACKETS: Final = 10
+"""Fewer of a train sustain no rate."""
+TELEMETRY_SIZES: Final = (32, 128, 512)
+TELEMETRY_RATES_HZ: Final = (1.0, 2.0, 4.0, 10.0)
+IMAGE_RATES_HZ: Final = (0.2, 1.0, 2.0, 5.0)
+
+
+@dataclass(frozen=True, slots=True)
+class NominalImage:
+    """A picture by its pixels and JPEG quality; its octets are nominal: bits a pixel that such pictures often have."""
+
+    width: int
+    height: int
+    quality: int
+
+    @property
+    def octets(self) -> int:
+        """0.6 bits a pixel at quality 30, and 1 at 60."""
+        return round(self.width * self.height * {30: 0.6, 60: 1.0}[self.quality] / 8)
+
+    @property
+    def label(self) -> str:
+        """As a table shows it."""
+        return f"{self.width}x{self.height} q{self.quality}"
+
+
+IMAGES: Final = tuple(
+    NominalImage(width, height, quality)
+    for width, height in ((160, 120), (320, 240), (640, 480))
+    for quality in (30, 60)
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RateRow:
+    """A size at a rate, and what became of it; losses are shares, None: not known for each way."""
+
+    label: str
+    octets: int
+    rate_hz: float
+    sent: int
+    received: int
+    loss_up: float | None
+    loss_down: float | None
+    p50_s: float | None
+    p95_s: float | None
+    verdict: Verdict
+    reason: str
+
+
+def telemetry_plan(octets: int, rate_hz: float, duration_s: float) -> TrainPlan:
+    """Give a train of test packets as long as a sample of so many octets and RTPS around it, or as an empty one."""
+    return TrainPlan(max(AUTHENTICATED_SIZE, octets + RTPS_OCTETS), 1 / rate_hz, duration_s)
+
+
+def image_plan(image: NominalImage, rate_hz: float, duration_s: float) -> MessagePlan:
+    """Give a stream of images, best effort."""
+    return MessagePlan(image.octets, rate_hz, duration_s)
+
+
+def train_bytes(plan: TrainPlan, headers: int) -> int:
+    """Give what a train puts on the wire, both ways together, without its question for counters."""
+    return 2 * plan.packets * (plan.size + headers)
+
+
+def message_bytes(plan: MessagePlan, headers: int) -> int:
+    """Give what authenticated messages put on the wire where nothing is lost, both ways together."""
+    packet = min(plan.packet, DEFAULT_PACKET)
+    room = chunk_room(packet, authenticated=True)
+    answer = extended_size(authenticated=True) + ACKNOWLEDGEMENT_SIZE
+    chunks = -(-plan.size // room)
+    return plan.messages * (plan.size + chunks * (packet - room + headers) + answer + headers)
+
+
+def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s: float) -> RateRow:
+    """Judge a train of the grid: at most 1 % lost each way outside of gaps, and a round trip in its band."""
+    loss, flr, rtt = figures.loss, figures.flr, figures.rtt
+    known = loss.sent - loss.in_flight
+    up = None if loss.up is None or not known else loss.up / known
+    reached = known - (loss.up or 0)
+    down = None if loss.down is None or not reached else loss.down / reached
+    verdict, reason = Verdict.PASS, "sustained"
+    if rtt is None or not known:
+        verdict, reason = Verdict.INCONCLUSIVE, "nothing was answered"
+    elif loss.limited:
+        verdict, reason = Verdict.INCONCLUSIVE, "the reflector refused packets for its rate"
+    elif (lossy := max(flr.both if flr.up is None else flr.up, flr.down or 0.0) > MAX_LOSS) and (
+        loss.lost - flr.in_gaps >= MIN_LOST
+    ):
+        verdict, reason = Verdict.FAIL, "loss"
+    elif rtt.p95 > idle_p50_s + max(MIN_BAND_S, BAND * idle_p50_s):
+        verdict, reason = Verdict.FAIL, "latency"
+    elif flr.in_gaps:
+        verdict, reason = Verdict.INCONCLUSIVE, GAP
+    elif lossy or known < LEAST_PACKETS:
+        verdict, reason = Verdict.INCONCLUSIVE, FEW
+    return RateRow(
+        f"{octets} B",
+        octets,
+        rate_hz,
+        known,
+        loss.received,
+        up,
+        down,
+        rtt.p50 if rtt is not None else None,
+        rtt.p95 if rtt is not None else None,
+        verdict,
+        reason,
+    )
+
+
+def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle_latency_s: float) -> RateRow:
+    """Judge a stream of the grid as the search for the highest rate does, and by its messages that are not whole."""
+    lost = figures.lost + figures.unknown >= MIN_LOST and figures.loss > MAX_LOSS
+    limit = RateLimit.LOSS if lost else failed(figures, idle_latency_s, 0.0)
+    latency = figures.latency
+    verdict, reason = Verdict.PASS, "sustained"
+    if limit is not None:
+        verdict, reason = Verdict.INCONCLUSIVE if latency is None else Verdict.FAIL, limit.value
+    elif figures.loss > MAX_LOSS:
+        verdict, reason = Verdict.INCONCLUSIVE, FEW
+    return RateRow(
+        image.label,
+        figures.size,
+        rate_hz,
+        figures.sent - figures.in_flight,
+        figures.received,
+        figures.loss,
+        None,
+        None if latency is None else latency.p50,
+        None if latency is None else latency.p95,
+        verdict,
+        reason,
+    )
+
+
+def table(rows: Sequence[RateRow]) -> list[str]:
+    """Give lines for a person, within 80 columns."""
+    columns = (("octets", 7), ("Hz", 6), ("sent", 6), ("recv", 6), ("up%", 6), ("down%", 6), ("p50 s", 7), ("p95 s", 7))
+    head = f"{'size':<13}" + "".join(f"{name:>{width}}" for name, width in columns) + "  verdict"
+    lines = [SHAPE_UNKNOWN, head]
+    lines += [
+        f"{row.label:<13}{row.octets:>7}{row.rate_hz:>6g}{row.sent:>6}{row.received:>6}"
+        f"{_percent(row.loss_up):>6}{_percent(row.loss_down):>6}{_seconds(row.p50_s):>7}{_seconds(row.p95_s):>7}"
+        f"  {row.verdict.value}"
+        for row in rows
+    ]
+    return lines
+
+
+def _percent(share: float | None) -> str:
+    return "?" if share is None else f"{100 * share:.1f}"
+
+
+def _seconds(value: float | None) -> str:
+    return "?" if value is None else f"{value:.2f}"

@@ -1,0 +1,169 @@
+"""Verdicts on figures against a named profile of thresholds, in the words of ITU-T Y.1564 and RFC 6349.
+
+A figure that is missing, or made of too few packets or answers, is INCONCLUSIVE; so are gaps that a train was too short
+for, or that one of its ends cut off, and a loss of which the reflector made a part by refusing what exceeded its rate.
+A train that nobody answered fails only where it was long enough to outlive a satellite's gap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING, Final
+
+import yaml
+from pydantic import BaseModel, ConfigDict, TypeAdapter
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.events import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.links.qualify.figures import TrainFigures
+    from atlantis_netcfg.links.qualify.transfers import MessageFigures
+
+SILENCE_S: Final = 90.0
+"""Silence that is longer than a satellite's longest gap proves that a link does not carry."""
+_SHORT_S: Final = 0.5
+
+
+class QualifyProfile(BaseModel):
+    """Thresholds; what each is stands in `profiles.yml`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    ftd_s: float
+    fdv_s: float
+    flr: float
+    gap_s: float
+    avail: float
+    buffer_delay: float
+    min_samples: int
+
+
+class NoSuchProfile(UsageError, KeyError):
+    """No thresholds have this name."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """One criterion: what was measured, what it may be, and the verdict with its reason."""
+
+    criterion: str
+    measured: float | None
+    limit: float
+    unit: str
+    verdict: Verdict
+    reason: str
+
+
+@cache
+def profiles() -> Mapping[str, QualifyProfile]:
+    """All that are shipped."""
+    text = resources.files("atlantis_netcfg.links.qualify").joinpath("profiles.yml").read_text("utf-8")
+    return TypeAdapter(dict[str, QualifyProfile]).validate_python(yaml.safe_load(text))
+
+
+def profile(name: str) -> QualifyProfile:
+    """Give the thresholds of a name. NoSuchProfile."""
+    if name not in profiles():
+        raise NoSuchProfile(f"no profile of thresholds is named `{name}`", hint=f"take one of: {', '.join(profiles())}")
+    return profiles()[name]
+
+
+def judge(
+    idle: TrainFigures,
+    limits: QualifyProfile,
+    under_load: TrainFigures | None = None,
+    load: MessageFigures | None = None,
+) -> Sequence[Judgement]:
+    """Judge a train without load, and the round trips of one beside a load that filled the link."""
+    loss = idle.loss
+    known = loss.sent - loss.in_flight
+    span_s = known * idle.interval_s
+    if idle.rtt is None:
+        return [_silence(idle, limits, span_s)]
+    few = f"only {known} packets, {limits.min_samples} are needed" if known < limits.min_samples else ""
+    seldom = few
+    if not few and 2 * idle.rtt.n < limits.min_samples:
+        seldom = f"only {idle.rtt.n} answers, {-(-limits.min_samples // 2)} are needed"
+    judged = [_at_most("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", seldom)]
+    for way, variation in (("up", idle.up), ("down", idle.down)):
+        value = None if variation is None else variation.above_min.p95
+        judged.append(_at_most(f"FDV {way}, 95 %", value, limits.fdv_s, "s", seldom))
+    judged += _frame_loss(idle, limits, few)
+    judged.append(_longest_gap(idle, limits, span_s))
+    # Packets that are a second apart cannot show a gap of one second.
+    seen = span_s and idle.interval_s <= _SHORT_S
+    judged.append(_at_least("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if seen else None, limits.avail, few))
+    doubt = "what was offered is not known" if load is None else load.doubt(idle.flr.share_up)
+    judged.append(_buffer_delay(idle, under_load, limits, doubt))
+    return judged
+
+
+def _frame_loss(idle: TrainFigures, limits: QualifyProfile, few: str) -> Iterator[Judgement]:
+    """Outside of gaps; those are judged by their length, and by the availability."""
+    flr, loss, least = idle.flr, idle.loss, -(-limits.min_samples // 2)
+    refused = f"the reflector refused {loss.limited} packets for its rate" if loss.limited else ""
+    rest = f"only {flr.packets} packets outside of gaps, {least} are needed" if flr.packets < least else ""
+
+    def judged(name: str, share: float | None, doubt: str) -> Judgement:
+        return _at_most(name, share, limits.flr, "", doubt or (rest if share is None or share <= limits.flr else ""))
+
+    if flr.up is None:
+        yield judged(f"FLR, both ways ({loss.why})", flr.both, few or refused)
+    else:
+        yield judged("FLR up", flr.up, few or refused)
+        yield judged("FLR down", flr.down, few)
+
+
+def _longest_gap(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judgement:
+    longest, at_most, doubt = idle.gaps.longest_s, idle.gaps.at_most_s, ""
+    if longest <= limits.gap_s:
+        if span_s <= limits.gap_s:
+            doubt = f"a gap of {limits.gap_s:g} s cannot be seen in {span_s:.3g} s"
+        elif at_most is None or at_most > limits.gap_s:
+            doubt = "a gap at the beginning or the end of the train may have been longer"
+    return _at_most("longest gap", longest, limits.gap_s, "s", doubt)
+
+
+def _silence(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judgement:
+    proves = span_s >= SILENCE_S
+    reason = f"nothing was answered for {span_s:.0f} s"
+    if not proves:
+        reason += f"; a gap of a satellite may be as long, so at least {SILENCE_S:.0f} s are needed"
+    gap = idle.gaps.longest_s
+    return Judgement(
+        "AVAIL", 0.0 if gap else None, limits.avail, "", Verdict.FAIL if proves else Verdict.INCONCLUSIVE, reason
+    )
+
+
+def _buffer_delay(idle: TrainFigures, under_load: TrainFigures | None, limits: QualifyProfile, doubt: str) -> Judgement:
+    name = "buffer delay (RFC 6349)"
+    if under_load is None or under_load.rtt is None or idle.rtt is None or idle.rtt.p50 <= 0:
+        return _at_most(name, None, limits.buffer_delay, "", "")
+    return _at_most(name, (under_load.rtt.p50 - idle.rtt.p50) / idle.rtt.p50, limits.buffer_delay, "", doubt)
+
+
+def _at_most(name: str, value: float | None, limit: float, unit: str, doubt: str) -> Judgement:
+    return _judgement(name, value, limit, unit, doubt, holds=value is not None and value <= limit)
+
+
+def _at_least(name: str, value: float | None, limit: float, doubt: str) -> Judgement:
+    return _judgement(name, value, limit, "", doubt, holds=value is not None and value >= limit)
+
+
+def _judgement(  # noqa: PLR0913 - what it is made of
+    name: str, value: float | None, limit: float, unit: str, doubt: str, *, holds: bool
+) -> Judgement:
+    if value is None:
+        return Judgement(name, None, limit, unit, Verdict.INCONCLUSIVE, "not measured")
+    if doubt:
+        return Judgement(name, value, limit, unit, Verdict.INCONCLUSIVE, doubt)
+    verdict = Verdict.PASS if holds else Verdict.FAIL
+    return Judgement(name, value, limit, unit, verdict, "within the limit" if holds else "beyond the limit")

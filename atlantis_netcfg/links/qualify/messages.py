@@ -1,0 +1,283 @@
+"""Messages of any size to the far end, in chunks: received when the receiver says that it has the last octet.
+
+A transfer is never timed by the sender's last `send`: what it hands over may lie in a queue for long, or be lost. The
+receiver counts, by its own clock, and its word ends the message. Contents do not matter and are random, so that
+nothing compresses them. `resend`: what is missing is sent again until the receiver has all of it; else it is asked for
+what came, and that is that. `messages_down` has the other way.
+"""
+
+from __future__ import annotations
+
+import heapq
+import secrets
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.links.qualify.reflector.stamp import (
+    ACKNOWLEDGEMENT_SIZE,
+    CHUNK,
+    TLV_SIZE,
+    Acknowledgement,
+    MessageChunk,
+    ReflectorPacket,
+    Tlv,
+    chunk_room,
+    extended_size,
+    unix_ns,
+)
+from atlantis_netcfg.links.qualify.samples import MessageEnded, StreamEnded
+from atlantis_netcfg.links.qualify.session import SECOND, Outgoing, ReflectorPeer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from atlantis_netcfg.links.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
+
+QUESTIONS: Final = 3
+"""How often the receiver is asked for what it has, where it says nothing."""
+_WAIT_STEP: Final = 20_000_000
+_LAG_NS: Final = 20_000_000
+"""What this computer woke late by is made up for, and no more: the rest of a pace is not sent in one burst."""
+DEFAULT_PACKET: Final = 1200
+"""UDP payload that passes most tunnels; `path_mtu` says what this path takes."""
+
+
+@dataclass(frozen=True, slots=True)
+class MessagePlan:
+    """Messages of `size` octets, `rate_hz` a second for `duration_s`."""
+
+    size: int
+    rate_hz: float
+    duration_s: float
+    resend: bool = False
+    pace_bps: float | None = None
+    """At which rate the chunks of a message leave; None: at once, as DDS sends fragments."""
+    packet: int = DEFAULT_PACKET
+    timeout_s: float = 5.0
+    """How long an answer is awaited before the receiver is asked, and what is missing sent again."""
+    give_up_s: float = 90.0
+    """After so long without the receiver's word a message is lost; a satellite's gaps last up to 70 s."""
+
+    def __post_init__(self) -> None:
+        if self.size < 1:
+            raise ValueError("a message has at least one octet")
+
+    @property
+    def messages(self) -> int:
+        """How many, if nothing limits it."""
+        return max(1, round(self.duration_s * self.rate_hz))
+
+    def due_ns(self, headers: int, *, authenticated: bool) -> int:
+        """How long after a message the next one begins: not before its packets have left at their pace."""
+        room = chunk_room(self.packet, authenticated=authenticated)
+        wire = self.size + -(-self.size // room) * (self.packet - room + headers)
+        return round(SECOND * max(1 / self.rate_hz, 0.0 if self.pace_bps is None else wire * 8 / self.pace_bps))
+
+
+@dataclass(slots=True)
+class _OpenMessage:
+    number: int
+    count: int
+    sent_at: int = -1
+    last_sent: int = 0
+    chunks_sent: int = 0
+    questions: int = 0
+    word: Acknowledgement | None = None
+    error: int = 1
+    queued: int = 0
+    """How many of its packets are still to be sent."""
+
+
+@dataclass(slots=True)
+class MessageStream:
+    """Messages under way, to our reflector."""
+
+    name: str
+    plan: MessagePlan
+    peer: ReflectorPeer
+    transport: DatagramTransport
+    write: Callable[[Sample], None]
+    session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
+    _origin: int = 0
+    _begin: int = 0
+    _sequence: int = 0
+    _started: int = 0
+    _free_at: int = 0
+    _queue: deque[tuple[_OpenMessage, int | None]] = field(default_factory=deque)
+    """Chunks to send; None: only the question."""
+    _open: dict[int, _OpenMessage] = field(default_factory=dict)
+    _waits: list[tuple[int, int]] = field(default_factory=list)
+    """A heap: when to look after which message; times that have moved are put right when they come up."""
+    _charged: dict[int, int] = field(default_factory=dict)
+    """Sequences that want an answer, with what was charged for it."""
+
+    @property
+    def chunk_size(self) -> int:
+        """How many octets of a message a packet carries. ValueError: the packets are too short for any."""
+        room = chunk_room(self.plan.packet, authenticated=self.peer.key is not None)
+        if room < 1:
+            raise ValueError(f"packets of {self.plan.packet} octets carry nothing")
+        return room
+
+    @property
+    def answer_size(self) -> int:
+        """The longest answer; a packet that wants one is at least as long."""
+        return self._base_size + ACKNOWLEDGEMENT_SIZE
+
+    @property
+    def _base_size(self) -> int:
+        return extended_size(authenticated=self.peer.key is not None)
+
+    def begin(self, origin_ns: int) -> None:
+        """As `PacketStream` has it."""
+        self._origin, self._begin = origin_ns, self.transport.now_ns()
+        self._free_at = self._begin
+
+    def due_ns(self) -> int | None:
+        """As `PacketStream` has it."""
+        if self._queue:
+            return self._free_at
+        dues = [self._starts(self._started)] if self._started < self.plan.messages else []
+        while self._waits:
+            due, number = self._waits[0]
+            message = self._open.get(number)
+            if message is not None and due >= message.last_sent + self._patience(message):
+                dues.append(due)
+                break
+            heapq.heappop(self._waits)
+            if message is not None:
+                heapq.heappush(self._waits, (message.last_sent + self._patience(message), number))
+        return min(dues, default=None)
+
+    def _starts(self, number: int) -> int:
+        return self._begin + round(number * SECOND / self.plan.rate_hz)
+
+    def _patience(self, message: _OpenMessage) -> int:
+        return round(self.plan.timeout_s * SECOND) * max(1, min(message.questions, 4))
+
+    def next_packet(self, now_ns: int) -> Outgoing | None:
+        """As `PacketStream` has it."""
+        self._start(now_ns)
+        self._look(now_ns)
+        if not self._queue or now_ns < self._free_at:
+            return None
+        message, index = self._queue[0]
+        asks = len(self._queue) == 1 or self._queue[1][0] is not message
+        chunk = self._chunk(message, index, asks=asks)
+        value = chunk.encode()
+        tlv = Tlv(CHUNK, value.ljust(ACKNOWLEDGEMENT_SIZE - TLV_SIZE, b"\0") if asks else value)
+        size = self._base_size + len(tlv.encode())
+        return Outgoing((tlv,), size, self.answer_size if asks else 0, self._sequence)
+
+    def _chunk(self, message: _OpenMessage, index: int | None, *, asks: bool) -> MessageChunk:
+        room, size = self.chunk_size, self.plan.size
+        length = 0 if index is None else min(room, size - index * room)
+        data = secrets.token_bytes(length)
+        return MessageChunk(message.number, size, index or 0, message.count, asks, data)
+
+    def _start(self, now_ns: int) -> None:
+        while self._started < self.plan.messages and self._starts(self._started) <= now_ns:
+            message = _OpenMessage(self._started, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
+            self._open[self._started] = message
+            self._started += 1
+            if not self._queue:
+                self._free_at = max(self._free_at, now_ns)
+            self._put(message, range(message.count))
+            heapq.heappush(self._waits, (now_ns + self._patience(message), message.number))
+
+    def _look(self, now_ns: int) -> None:
+        """Ask for messages of which nothing was heard, and give up those whose time is up."""
+        while self._waits and self._waits[0][0] <= now_ns:
+            _, number = heapq.heappop(self._waits)
+            message = self._open.get(number)
+            if message is None:
+                continue
+            if now_ns >= message.last_sent + self._patience(message) and not message.queued:
+                self._ask(message, now_ns)
+            if number in self._open:
+                due = max(now_ns + _WAIT_STEP, message.last_sent + self._patience(message))
+                heapq.heappush(self._waits, (due, number))
+
+    def _ask(self, message: _OpenMessage, now_ns: int) -> None:
+        age_s = (now_ns - message.sent_at) / SECOND
+        if age_s >= self.plan.give_up_s or (not self.plan.resend and message.questions >= QUESTIONS):
+            self._finish(message)
+        else:
+            message.questions += 1
+            message.last_sent = now_ns
+            self._put(message, [None])
+
+    def _put(self, message: _OpenMessage, indexes: Iterable[int | None]) -> None:
+        for index in indexes:
+            self._queue.append((message, index))
+            message.queued += 1
+
+    def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+        """As `PacketStream` has it. What this computer did not take is missing at the receiver, like what is lost."""
+        message, _ = self._queue.popleft()
+        message.queued -= 1
+        del error
+        if message.sent_at < 0:
+            message.sent_at = now_ns
+        message.last_sent = now_ns
+        message.chunks_sent += 1
+        self._sequence += 1
+        if outgoing.answer:
+            self._charged[outgoing.sequence] = outgoing.answer
+        pace = self.plan.pace_bps
+        wire = (outgoing.size + self.transport.headers) * 8
+        step = 0 if pace is None else round(wire / pace * SECOND)
+        self._free_at = max(self._free_at + step, now_ns - _LAG_NS) if step else now_ns
+
+    def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
+        """As `PacketStream` has it."""
+        charged = self._charged.pop(packet.sender_sequence, 0)
+        for tlv in packet.tlvs:
+            if tlv.type == CHUNK and not tlv.flags:
+                word = Acknowledgement.decode(tlv.value)
+                message = self._open.get(word.message)
+                if message is not None:
+                    message.word, message.error = word, packet.error
+                    self._acknowledged(message, word, arrival.at_ns)
+        return charged
+
+    def _acknowledged(self, message: _OpenMessage, word: Acknowledgement, at_ns: int) -> None:
+        if not word.missing:
+            self._finish(message, at_ns)
+        elif self.plan.resend and not message.queued:
+            message.questions = 0
+            self._put(message, word.indexes)
+        elif message.questions and not message.queued:
+            self._finish(message)  # the question left after every packet: what is missing now is lost
+
+    def _finish(self, message: _OpenMessage, at_ns: int | None = None, *, in_flight: bool = False) -> None:
+        word = message.word
+        arrived = word is not None and word.first != 0
+        del self._open[message.number]
+        if message.sent_at < 0:
+            return
+        self.write(
+            MessageEnded(
+                self.name,
+                message.number,
+                self.plan.size,
+                message.count,
+                message.chunks_sent,
+                message.sent_at - self._origin,
+                None if at_ns is None else at_ns - self._origin,
+                None if word is None else word.size,
+                unix_ns(word.first, message.error) if word is not None and arrived else None,
+                unix_ns(word.last, message.error) if word is not None and arrived else None,
+                in_flight=in_flight,
+                chunk_size=self.chunk_size,
+                due_ns=self.plan.due_ns(self.transport.headers, authenticated=self.peer.key is not None),
+            )
+        )
+
+    def end(self, now_ns: int, reason: str) -> None:
+        """As `PacketStream` has it."""
+        for message in [*self._open.values()]:
+            self._finish(message, in_flight=True)
+        self.write(StreamEnded(self.name, now_ns - self._origin, reason))

@@ -1,0 +1,327 @@
+"""Messages from the far end to this computer: requested one by one, and counted here, by this computer's clock.
+
+Our reflector alone sends them, and only to who has its key and shows the token that it gave to this address: the first
+question brings that. A request is charged with all that it may bring before it is sent. Where nothing of a message
+comes, the reflector is asked how much it has sent: what never reached it is requested again and is no loss of the way
+down.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.links.qualify.messages import QUESTIONS
+from atlantis_netcfg.links.qualify.reflector.stamp import (
+    CHUNK,
+    REQUEST,
+    REQUEST_SIZE,
+    TOKEN_SIZE,
+    MessageChunk,
+    MessageRequest,
+    ReflectorPacket,
+    RequestStatus,
+    Tlv,
+    chunk_room,
+    extended_size,
+    unix_ns,
+)
+from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageEnded, StreamEnded
+from atlantis_netcfg.links.qualify.session import SECOND, Outgoing, ReflectorPeer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.links.qualify.messages import MessagePlan
+    from atlantis_netcfg.links.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
+
+_BASE: Final = extended_size(authenticated=True)
+_STATUS_SIZE: Final = _BASE + REQUEST_SIZE
+"""Of a request, and of the status that answers it."""
+
+
+def requested_bytes(plan: MessagePlan, headers: int) -> int:
+    """Give what requested messages put on the wire where nothing is lost, both ways together, as a preview needs it."""
+    chunks = -(-plan.size // chunk_room(plan.packet, authenticated=True))
+    message = plan.size + chunks * (plan.packet - chunk_room(plan.packet, authenticated=True) + headers)
+    question = _STATUS_SIZE + headers
+    return 2 * question + plan.messages * (question + message)
+
+
+@dataclass(slots=True)
+class _AwaitedMessage:
+    number: int
+    asked_at: int
+    """When it was first asked for, or was to be."""
+    sent_at: int = -1
+    """When the request left that has brought it, as far as is known."""
+    until: int = 0
+    """When to ask for it again, or to give it up."""
+    questions: int = 0
+    requests: int = 0
+    requested: int = 0
+    """Chunks, each as often as it was requested."""
+    status: RequestStatus | None = None
+    have: set[int] = field(default_factory=set)
+    size: int = 0
+    first_at: int = 0
+    last_at: int = 0
+    far_sent_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _ChunkRequest:
+    message: _AwaitedMessage
+    first: int = 0
+    count: int = 0
+    """0: a question for the status."""
+
+
+@dataclass(slots=True)
+class DownMessageStream:
+    """Requested messages under way, from our reflector. ValueError: no key, or packets too short for any."""
+
+    name: str
+    plan: MessagePlan
+    peer: ReflectorPeer
+    transport: DatagramTransport
+    write: Callable[[Sample], None]
+    session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
+    far_rate_bps: float | None = None
+    """What the reflector sends to this address at most; None: it has not said so yet."""
+    _origin: int = 0
+    _begin: int = 0
+    _sequence: int = 0
+    _far_free_at: int = 0
+    """When the far end has sent all that was requested, as far as its pace goes: one message after the other."""
+    _started: int = 0
+    _token: bytes | None = None
+    _queue: deque[_ChunkRequest] = field(default_factory=deque)
+    _open: dict[int, _AwaitedMessage] = field(default_factory=dict)
+    _requests: dict[int, _ChunkRequest] = field(default_factory=dict)
+    """By their sequence."""
+    _taken: set[tuple[int, int]] = field(default_factory=set)
+    """Sequence of the request, and chunk (-1: the status): a second one is a copy."""
+
+    def __post_init__(self) -> None:
+        if self.peer.key is None:
+            raise ValueError("messages are requested from our own reflector, with its key")
+        if self._room < 1:
+            raise ValueError(f"packets of {self.plan.packet} octets carry nothing")
+
+    @property
+    def _room(self) -> int:
+        return chunk_room(self.plan.packet, authenticated=True)
+
+    @property
+    def _chunks(self) -> int:
+        return -(-self.plan.size // self._room)
+
+    @property
+    def _pace_kbps(self) -> int:
+        """The plan counts headers, the reflector does not."""
+        pace, packet = self.plan.pace_bps, self.plan.packet
+        return 0 if pace is None else max(1, round(pace * packet / (packet + self.transport.headers) / 1000))
+
+    @property
+    def _due_ns(self) -> int:
+        return self.plan.due_ns(self.transport.headers, authenticated=True)
+
+    def _chunk_size(self, index: int) -> int:
+        """The UDP payload that brings this chunk."""
+        return self.plan.packet - self._room + min(self._room, self.plan.size - index * self._room)
+
+    def begin(self, origin_ns: int) -> None:
+        """As `PacketStream` has it. The first message begins when the reflector has given its token."""
+        self._origin, self._begin = origin_ns, self.transport.now_ns()
+        self._open[0] = first = _AwaitedMessage(0, self._begin)
+        self._started = 1
+        self._put(_ChunkRequest(first))
+
+    def due_ns(self) -> int | None:
+        """As `PacketStream` has it."""
+        if self._queue:
+            return self._begin
+        dues = [message.until for message in self._open.values()]
+        if self._token is not None and self._started < self.plan.messages:
+            dues.append(self._starts(self._started))
+        return min(dues, default=None)
+
+    def _starts(self, number: int) -> int:
+        return self._begin + round(number * SECOND / self.plan.rate_hz)
+
+    def next_packet(self, now_ns: int) -> Outgoing | None:
+        """As `PacketStream` has it."""
+        while self._token is not None and self._started < self.plan.messages and self._starts(self._started) <= now_ns:
+            self._open[self._started] = message = _AwaitedMessage(self._started, now_ns)
+            self._started += 1
+            self._put(_ChunkRequest(message, 0, self._chunks))
+        for message in [*self._open.values()]:
+            if message.until <= now_ns:
+                self._look(message, now_ns)
+        while self._queue and self._queue[0].message.number not in self._open:
+            self._queue.popleft()
+        return self._outgoing(self._queue[0], now_ns) if self._queue else None
+
+    def _outgoing(self, request: _ChunkRequest, now_ns: int) -> Outgoing:
+        token = self._token or bytes(TOKEN_SIZE)
+        plan, number = self.plan, request.message.number
+        value = MessageRequest(number, plan.size, request.first, request.count, plan.packet, self._pace_kbps, token)
+        tlvs = (Tlv(REQUEST, value.encode()),)
+        brings = sum(map(self._chunk_size, range(request.first, request.first + request.count)))
+        answers = max(1, request.count)
+        lasts_s = (self._sends_until(request, now_ns) - now_ns) / SECOND
+        return Outgoing(tlvs, _STATUS_SIZE, max(_STATUS_SIZE, brings), self._sequence, answers, lasts_s)
+
+    def _sends_until(self, request: _ChunkRequest, now_ns: int) -> int:
+        """When the reflector has sent it, without what the link makes of that."""
+        octets = request.count * self.plan.packet
+        pace = self._pace_kbps * 1000 or self.far_rate_bps
+        if self.far_rate_bps is not None and pace is not None:
+            pace = min(pace, self.far_rate_bps)
+        lasts = round(octets * 8 / pace * SECOND) if pace else 0
+        return max(self._far_free_at, now_ns) + lasts if request.count else now_ns
+
+    def _put(self, request: _ChunkRequest) -> None:
+        self._queue.append(request)
+        request.message.until = 1 << 62
+
+    def _look(self, message: _AwaitedMessage, now_ns: int) -> None:
+        """Its time is up: ask for it, for what is missing of it, or give it up."""
+        age_s = (now_ns - message.asked_at) / SECOND
+        if self._token is None or self.plan.resend:
+            ends = age_s >= self.plan.give_up_s
+        else:
+            status = message.status
+            is_sent = message.size > 0 or (status is not None and status.sent >= self._chunks)
+            ends = is_sent or message.questions >= QUESTIONS or message.requests > QUESTIONS
+        if ends:
+            self._finish(message)
+        elif message.size and self.plan.resend:
+            for first, count in _ranges(sorted(set(range(self._chunks)) - message.have)):
+                self._put(_ChunkRequest(message, first, count))
+        else:
+            message.questions += 1
+            self._put(_ChunkRequest(message))
+
+    def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+        """As `PacketStream` has it. What this computer did not take brings nothing, like what is lost."""
+        del error
+        request = self._queue.popleft()
+        message = request.message
+        until = self._sends_until(request, now_ns)
+        self._far_free_at = max(self._far_free_at, until)
+        if request.count:
+            message.requests += 1
+            message.requested += request.count
+            if not message.size:
+                message.sent_at = now_ns
+        self._requests[outgoing.sequence] = request
+        self._sequence += 1
+        if not any(waiting.message is message for waiting in self._queue):
+            patience = round(self.plan.timeout_s * SECOND) * max(1, min(message.questions, 4))
+            message.until = until + patience
+
+    def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
+        """As `PacketStream` has it."""
+        charged = 0
+        request = self._requests[packet.sender_sequence]
+        for tlv in packet.tlvs:
+            if tlv.type == CHUNK and not tlv.flags:
+                chunk = MessageChunk.decode(tlv.value)
+                is_asked = request.first <= chunk.index < request.first + request.count
+                if is_asked and self._is_first(packet.sender_sequence, chunk.index):
+                    charged = self._chunk_size(chunk.index)
+                    self._take(request.message, chunk, arrival.at_ns, unix_ns(packet.timestamp, packet.error))
+            elif tlv.type == REQUEST and not tlv.flags and self._is_first(packet.sender_sequence, -1):
+                charged = _STATUS_SIZE
+                self._accept_status(request, RequestStatus.decode(tlv.value))
+        return charged
+
+    def _is_first(self, sequence: int, index: int) -> bool:
+        is_first = (sequence, index) not in self._taken
+        self._taken.add((sequence, index))
+        return is_first
+
+    def _accept_status(self, request: _ChunkRequest, status: RequestStatus) -> None:
+        self.far_rate_bps = status.rate_kbps * 1000.0
+        now = self.transport.now_ns()
+        message = request.message
+        if self._token is None:
+            # The zero of the schedule: before it, nothing could be requested.
+            self._begin = message.asked_at = now
+            message.questions = 0
+        self._token = status.token
+        if message.number not in self._open:
+            return
+        message.status = status
+        # A reflector that refuses requests is not asked for ever; a question waits for its time.
+        is_patient = not request.count or message.requests <= QUESTIONS
+        was_lost = self.plan.resend and status.sent >= self._chunks
+        if not message.size and is_patient and (was_lost or not status.sent):
+            self._put(_ChunkRequest(message, 0, self._chunks))
+
+    def _take(self, message: _AwaitedMessage, chunk: MessageChunk, at_ns: int, far_sent_ns: int) -> None:
+        if message.number not in self._open or chunk.index in message.have:
+            return
+        if not message.size:
+            message.first_at = at_ns
+            message.far_sent_ns = far_sent_ns - chunk.index * self._due_ns // self._chunks
+        message.have.add(chunk.index)
+        message.size += len(chunk.data)
+        message.last_at = at_ns
+        if len(message.have) == self._chunks:
+            self._finish(message)
+        elif message.until < 1 << 62:
+            message.until = max(message.until, at_ns + round(self.plan.timeout_s * SECOND))
+
+    def _finish(self, message: _AwaitedMessage, *, in_flight: bool = False) -> None:
+        del self._open[message.number]
+        if self._token is None and not in_flight:
+            message.sent_at = message.asked_at
+        if message.sent_at < 0:
+            return
+        whole = len(message.have) == self._chunks
+        # The sample has times since 1970, on the clock of whoever counted: here that is this computer.
+        to_unix = self.transport.unix_ns() - self.transport.now_ns()
+        is_known = message.size > 0 or (message.status is not None and message.status.sent > 0)
+        self.write(
+            MessageEnded(
+                self.name,
+                message.number,
+                self.plan.size,
+                self._chunks,
+                message.requested,
+                message.sent_at - self._origin,
+                message.last_at - self._origin if whole else None,
+                message.size if is_known else None,
+                message.first_at + to_unix if message.size else None,
+                message.last_at + to_unix if message.size else None,
+                in_flight=in_flight,
+                direction=MessageDirection.DOWN,
+                chunk_size=self._room,
+                far_rate_bps=self.far_rate_bps,
+                due_ns=self._due_ns,
+                far_sent_ns=message.far_sent_ns if message.size else None,
+            )
+        )
+
+    def end(self, now_ns: int, reason: str) -> None:
+        """As `PacketStream` has it. What was requested still comes, although nobody counts it any more."""
+        for message in [*self._open.values()]:
+            self._finish(message, in_flight=True)
+        self.write(StreamEnded(self.name, now_ns - self._origin, reason))
+
+
+def _ranges(indexes: list[int]) -> list[tuple[int, int]]:
+    """Give runs of neighbours as their first and how many."""
+    runs: list[tuple[int, int]] = []
+    for index in indexes:
+        if runs and sum(runs[-1]) == index:
+            runs[-1] = (runs[-1][0], runs[-1][1] + 1)
+        else:
+            runs.append((index, 1))
+    return runs

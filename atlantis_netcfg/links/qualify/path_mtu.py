@@ -1,0 +1,180 @@
+"""The longest packet that passes whole, header of IP included: found with packets that nobody may fragment.
+
+A size counts as too long only when it did not pass and a short packet passed right after it: in a gap nothing passes,
+and that says nothing of sizes. Waits follow the longest round trip up to now, and a late answer still counts. Packets
+that are answered by short ones measure the way there; packets whose answer is as long measure both ways, so the way
+back is the lesser of the two, or at least as wide as the way there.
+"""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.links.qualify.reflector.stamp import (
+    ACKNOWLEDGEMENT_SIZE,
+    CHUNK,
+    TLV_SIZE,
+    BadPacket,
+    MessageChunk,
+    SenderPacket,
+    Tlv,
+    Tlvs,
+    decode_reflector,
+    error_estimate,
+    extended_size,
+    ntp,
+    padding,
+)
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.links.qualify.budget import BudgetGuard
+    from atlantis_netcfg.links.qualify.session import ReflectorPeer
+    from atlantis_netcfg.links.qualify.transport import DatagramTransport
+
+_SECOND: Final = 1_000_000_000
+_TRIES: Final = 3
+"""A packet of a size may be lost: so often it is sent before the size is suspected."""
+_SPARE_S: Final = 0.2
+"""How much longer than two round trips an answer is awaited before the next try."""
+LEAST: Final = 576
+"""What every IPv4 host takes (RFC 791)."""
+ETHERNET: Final = 1500
+
+
+@dataclass(frozen=True, slots=True)
+class PathMtu:
+    """The longest packets that passed; None: not found out, and `why` says it."""
+
+    up: int | None
+    both: int | None
+    """There and back."""
+    why: str = ""
+
+    @property
+    def down(self) -> int | None:
+        """The way back, where it is narrower than the way there; else at least `both`, and this says None."""
+        return self.both if self.up is not None and self.both is not None and self.both < self.up else None
+
+
+class _OutOfBudget(Exception):
+    """No further packet may be sent."""
+
+
+class _NoAnswer(Exception):
+    """Not even a short packet was answered."""
+
+
+@dataclass(slots=True)
+class _MtuProbe:
+    transport: DatagramTransport
+    peer: ReflectorPeer
+    guard: BudgetGuard
+    timeout_s: float
+    patience_s: float
+    headers: int
+    session_id: int
+    sequence: int = 0
+    _rtt_s: float = 0.0
+    """The longest up to now; 0: nothing was answered."""
+    _awaited: dict[int, tuple[int, bool, int, int]] = field(default_factory=dict)
+    """By sequence: size, whether the way there alone is measured, what was charged for the answer, when it was sent."""
+
+    def passes(self, size: int, *, up_only: bool) -> bool:
+        """Whether packets of this size pass; what is heard of it in a gap is not believed."""
+        end = self.transport.now_ns() + round(self.patience_s * _SECOND)
+        if not self._rtt_s:
+            self._answered(self._short(), self.timeout_s, up_only=up_only)
+        if self._any_answered(size, up_only=up_only):
+            return True
+        while not self._answered(self._short(), self.timeout_s, up_only=up_only):
+            if self.transport.now_ns() >= end:
+                raise _NoAnswer
+        return self._any_answered(size, up_only=up_only)
+
+    def _any_answered(self, size: int, *, up_only: bool) -> bool:
+        wait_s = min(self.timeout_s, 2 * self._rtt_s + _SPARE_S) if self._rtt_s else self.timeout_s
+        return any(self._answered(size, wait_s, up_only=up_only) for _ in range(_TRIES))
+
+    def _short(self) -> int:
+        base = extended_size(authenticated=self.peer.key is not None)
+        return base + ACKNOWLEDGEMENT_SIZE + self.headers
+
+    def _answered(self, size: int, wait_s: float, *, up_only: bool) -> bool:
+        payload = size - self.headers
+        tlvs = self._extensions(payload, up_only=up_only)
+        answer = self._short() - self.headers if up_only else payload
+        if not self.guard.admit(payload, answer):
+            raise _OutOfBudget
+        error = error_estimate(self.peer.clock_error_s, synchronised=self.peer.synchronised)
+        packet = SenderPacket(self.sequence, ntp(self.transport.unix_ns()), error, self.session_id, tlvs)
+        self.sequence += 1
+        now = self.transport.now_ns()
+        self._awaited[packet.sequence] = (size, up_only, answer, now)
+        end = now + round(wait_s * _SECOND)
+        refused = self.transport.send(packet.encode(self.peer.key))
+        while not refused and (arrival := self.transport.receive(end)) is not None:
+            try:
+                reply = decode_reflector(arrival.datagram, self.peer.key)
+            except BadPacket:
+                self.guard.count(len(arrival.datagram), 0)
+                continue
+            named = reply.session_id in {self.session_id, 0}
+            sent = self._awaited.pop(reply.sender_sequence, None) if named else None
+            self.guard.count(len(arrival.datagram), 0 if sent is None else sent[2])
+            if sent is not None:
+                self._rtt_s = max(self._rtt_s, (arrival.at_ns - sent[3]) / _SECOND)
+                if sent[:2] == (size, up_only):
+                    return up_only or len(arrival.datagram) == payload
+        return False
+
+    def _extensions(self, payload: int, *, up_only: bool) -> Tlvs:
+        if not up_only:
+            return padding(payload, authenticated=self.peer.key is not None)
+        base = extended_size(authenticated=self.peer.key is not None)
+        chunk = MessageChunk(0, 0, 0, 1, acknowledge=True).encode()
+        return (Tlv(CHUNK, chunk.ljust(payload - base - TLV_SIZE, b"\0")),)
+
+
+def path_mtu(  # noqa: PLR0913 - each has its name where it is given
+    transport: DatagramTransport,
+    peer: ReflectorPeer,
+    guard: BudgetGuard,
+    *,
+    highest: int = ETHERNET,
+    timeout_s: float = 3.0,
+    patience_s: float = 90.0,
+    headers: int | None = None,
+) -> PathMtu:
+    """Search between 576 and `highest` octets. The way there alone needs our reflector.
+
+    `headers`: those that count for the size, where a tunnel puts more around each packet.
+    """
+    counted = transport.headers if headers is None else headers
+    probe = _MtuProbe(transport, peer, guard, timeout_s, patience_s, counted, secrets.randbelow(65535) + 1)
+    up = both = None
+    try:
+        if peer.counts:
+            up = _longest(probe, highest, up_only=True)
+        both = _longest(probe, up or highest, up_only=False)
+    except _OutOfBudget:
+        return PathMtu(up, both, f"the budget ended: {guard.limited_by}")
+    except _NoAnswer:
+        return PathMtu(up, both, f"nothing was answered for {patience_s:.0f} s")
+    return PathMtu(up, both, "" if both is not None else f"not even {LEAST} octets passed")
+
+
+def _longest(probe: _MtuProbe, highest: int, *, up_only: bool) -> int | None:
+    if probe.passes(highest, up_only=up_only):
+        return highest
+    if not probe.passes(LEAST, up_only=up_only):
+        return None
+    good, bad = LEAST, highest
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        if probe.passes(middle, up_only=up_only):
+            good = middle
+        else:
+            bad = middle
+    return good

@@ -1,0 +1,288 @@
+"""A link profile: what a run has measured of a link, in the form in which a rehearsal replays it.
+
+It is made of the train `idle` of a run and of its messages, and lies as `profile.json` in the run's folder. Each
+direction has its delays (sorted, so each is a percentile), loss, copies and changes of order outside of gaps, the rate
+at which messages arrived, and the longest packet. Gaps have their lengths and directions.
+
+How the round trip is split: without synchronised clocks a delay one way is known up to a constant only. Then each way
+gets half of the sum of both least delays; what varies above them is known for each way. A steady drift between both
+clocks is taken out. What a profile does not hold: in which order delays came, whether both ways were slow at the same
+time, loss in bursts shorter than a gap, and how delay and loss change with the load.
+"""
+
+from __future__ import annotations
+
+import math
+from statistics import median
+from typing import TYPE_CHECKING, Final
+
+from pydantic import BaseModel, ConfigDict
+
+from atlantis_netcfg.core.atomic_files import write_atomically
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.links.qualify import responses
+from atlantis_netcfg.links.qualify.figures import percentile
+from atlantis_netcfg.links.qualify.measured_run import RUN_FILE, SAMPLES_FILE, read_run
+from atlantis_netcfg.links.qualify.reflector.stamp import (
+    AUTHENTICATED_SIZE,
+    CHUNK_HEADER_SIZE,
+    HMAC_TLV_SIZE,
+    is_synchronised,
+)
+from atlantis_netcfg.links.qualify.samples import (
+    MessageEnded,
+    PacketSent,
+    ReflectorCounted,
+    ReplyReceived,
+    TrainBegan,
+    read,
+)
+from atlantis_netcfg.links.qualify.transfers import message_figures
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
+    from atlantis_netcfg.links.qualify.responses import AnsweredPacket, Silence
+    from atlantis_netcfg.links.qualify.samples import Sample
+
+VERSION: Final = 1
+PROFILE_FILE: Final = "profile.json"
+IDLE: Final = "idle"
+_LOAD_DOWN: Final = "load down"
+"""The one stream of messages that the far end sends; all others go up."""
+_MOST_DELAYS: Final = 1000
+_FEWEST: Final = 20
+"""Answered packets of which a profile is made."""
+_MOST_DRIFT: Final = 200e-6
+"""Two clocks that drift apart faster are not two clocks: the link itself has changed."""
+_SECOND: Final = 1_000_000_000
+
+
+class NoProfile(UsageError, ValueError):
+    """The run holds too little to be replayed, or is none."""
+
+
+class ProfilePart(BaseModel):
+    """A part of `profile.json`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class DirectionProfile(ProfilePart):
+    """What one direction does; loss, copies and order are shares of packets outside of gaps."""
+
+    delays_s: tuple[float, ...]
+    """In ascending order, each as likely as the others; the time in which a test packet is sent is in it."""
+    loss: float
+    duplicates: float
+    reordered: float
+    reorder_s: float
+    """By how much longer a packet took that was overtaken, above the median; the median of them."""
+    rate_bps: float | None
+    """IP and UDP headers included; None: not measured."""
+    mtu: int | None
+
+
+class ProfileGap(ProfilePart):
+    """A time in which packets did not pass, one way or both."""
+
+    seconds: float
+    up: bool
+    down: bool
+
+
+class LinkProfile(ProfilePart):
+    """What a rehearsal needs of a run."""
+
+    version: int = VERSION
+    run: str
+    site: str
+    link: str
+    kind: str
+    emulated: bool
+    """The run was a rehearsal itself."""
+    recorded_s: float
+    """How long the train lasted: the gaps came in so long, and come again in as long."""
+    interval_s: float
+    packet_octets: int
+    """Of the train, headers included."""
+    packets: int
+    split: str
+    up: DirectionProfile
+    down: DirectionProfile
+    gaps: tuple[ProfileGap, ...]
+
+
+def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
+    """Make the profile of a run. NoProfile: its train is missing, or too little of it was answered."""
+    all_samples = [*samples]
+    idle = [sample for sample in all_samples if sample.stream == IDLE]
+    begin = next((sample for sample in idle if isinstance(sample, TrainBegan)), None)
+    pairs = responses.answered_packets(
+        [sample for sample in idle if isinstance(sample, PacketSent)],
+        [sample for sample in idle if isinstance(sample, ReplyReceived)],
+    )
+    if begin is None or len(pairs) < _FEWEST:
+        raise NoProfile(
+            f"run {run.id} cannot be replayed: {len(pairs)} packets of its train `{IDLE}` were answered",
+            hint=f"take a run in which at least {_FEWEST} were",
+        )
+    known = responses.packets_of_known_fate(idle, begin)
+    silences = responses.find_silences(known, pairs, next((s for s in idle if isinstance(s, ReflectorCounted)), None))
+    least_rtt = min(pair.rtt for pair in pairs) / _SECOND
+    gaps = tuple(_gap(silence, begin.interval_s, least_rtt) for silence in silences if responses.is_gap(silence, begin))
+    loss_up, loss_down = _losses([s for s in silences if not responses.is_gap(s, begin)], len(pairs))
+    up, down, split = _delays(begin, pairs)
+    counted = next((sample for sample in idle if isinstance(sample, ReflectorCounted)), None)
+    replies = sum(isinstance(sample, ReplyReceived) for sample in idle)
+    by_number = sorted(pairs, key=lambda pair: pair.reflector_sequence)
+    by_arrival = sorted(pairs, key=lambda pair: pair.arrived)
+    late_up = _overtaken([(pair.sequence, pair.sequence) for pair in by_number])
+    late_down = _overtaken([(pair.reflector_sequence, pair.sequence) for pair in by_arrival])
+    rate_up, rate_down = _rates(all_samples, begin.headers)
+    return LinkProfile(
+        run=run.id,
+        site=run.site,
+        link=run.link,
+        kind=run.kind,
+        emulated=run.emulated,
+        recorded_s=(known[-1].sent_at_ns - known[0].sent_at_ns) / _SECOND + begin.interval_s,
+        interval_s=begin.interval_s,
+        packet_octets=begin.size + begin.headers,
+        packets=len(pairs),
+        split=split,
+        up=_direction(
+            up, late_up, loss_up, (counted.duplicates if counted else 0) / len(pairs), rate_up, run.path_mtu_up
+        ),
+        down=_direction(down, late_down, loss_down, (replies - len(pairs)) / len(pairs), rate_down, run.path_mtu_both),
+        gaps=gaps,
+    )
+
+
+def _gap(silence: Silence, interval_s: float, least_rtt_s: float) -> ProfileGap:
+    """Say how long the link was silent; a gap both ways also takes the answers to what was sent just before it."""
+    lasted, down = silence.packets * interval_s, silence.down
+    few = responses.LEAST_GAP_PACKETS - 1
+    if down == 0:
+        return ProfileGap(seconds=lasted, up=True, down=False)
+    if down is not None and silence.packets - down <= few < down:
+        return ProfileGap(seconds=lasted, up=False, down=True)
+    answers_s = least_rtt_s / 2 if down is None else min(down * interval_s, least_rtt_s / 2)
+    return ProfileGap(seconds=max(interval_s, lasted - answers_s), up=True, down=True)
+
+
+def _losses(silences: Sequence[Silence], answered: int) -> tuple[float, float]:
+    """Shares up and down. Where the way is not known, each way has lost the same share."""
+    lost = sum(silence.packets for silence in silences)
+    if any(silence.down is None for silence in silences):
+        share = 1 - math.sqrt(answered / (answered + lost))
+        return share, share
+    down = sum(silence.down or 0 for silence in silences)
+    return (lost - down) / (answered + lost), down / (answered + down)
+
+
+def _delays(begin: TrainBegan, pairs: Sequence[AnsweredPacket]) -> tuple[dict[int, float], dict[int, float], str]:
+    """Give each answered packet's delay up and down by its number, and how the round trip was split."""
+    up = [(pair.received - begin.begin_ns - (pair.sent - begin.begin_at_ns)) / _SECOND for pair in pairs]
+    down = [(pair.arrived - begin.begin_at_ns - (pair.replied - begin.begin_ns)) / _SECOND for pair in pairs]
+    numbers = [pair.sequence for pair in pairs]
+    if begin.synchronised and all(is_synchronised(pair.error) for pair in pairs) and min(*up, *down) > 0:
+        return dict(zip(numbers, up, strict=True)), dict(zip(numbers, down, strict=True)), "by both clocks"
+    drift = _drift([pair.sent / _SECOND for pair in pairs], [(u - d) / 2 for u, d in zip(up, down, strict=True)])
+    up = [value - drift * pair.sent / _SECOND for value, pair in zip(up, pairs, strict=True)]
+    down = [value + drift * pair.sent / _SECOND for value, pair in zip(down, pairs, strict=True)]
+    half = (min(up) + min(down)) / 2
+    return (
+        {number: value - min(up) + half for number, value in zip(numbers, up, strict=True)},
+        {number: value - min(down) + half for number, value in zip(numbers, down, strict=True)},
+        "half of the sum of both least delays each way",
+    )
+
+
+def _drift(times_s: Sequence[float], differences_s: Sequence[float]) -> float:
+    """Seconds a second by which the far clock runs ahead, by the medians of the first third and the last."""
+    third = len(times_s) // 3
+    span = median(times_s[-third:]) - median(times_s[:third])
+    drift = (median(differences_s[-third:]) - median(differences_s[:third])) / span if span > 0 else 0.0
+    return drift if abs(drift) <= _MOST_DRIFT else 0.0
+
+
+def _overtaken(arrivals: Sequence[tuple[int, int]]) -> set[int]:
+    """Find who arrived after one that was sent later; `arrivals`: order of sending, and number, as they arrived."""
+    expected, found = -1, set()
+    for order, number in arrivals:
+        if order < expected:
+            found.add(number)
+        expected = max(expected, order)
+    return found
+
+
+def _direction(  # noqa: PLR0913, PLR0917 - all that is known of a direction
+    delays: dict[int, float], late: set[int], loss: float, copies: float, rate_bps: float | None, mtu: int | None
+) -> DirectionProfile:
+    in_order = sorted(delay for number, delay in delays.items() if number not in late) or sorted(delays.values())
+    overtaken = [delay for number, delay in delays.items() if number in late]
+    return DirectionProfile(
+        delays_s=tuple(round(max(0.0, delay), 6) for delay in _thinned(in_order)),
+        loss=loss,
+        duplicates=max(0.0, copies),
+        reordered=len(overtaken) / len(delays),
+        reorder_s=max(0.0, median(overtaken) - percentile(in_order, 0.5)) if overtaken else 0.0,
+        rate_bps=rate_bps,
+        mtu=mtu,
+    )
+
+
+def _thinned(ordered: Sequence[float]) -> Sequence[float]:
+    """Keep as many percentiles, the least and the greatest among them."""
+    if len(ordered) <= _MOST_DELAYS:
+        return ordered
+    return [ordered[round(n * (len(ordered) - 1) / (_MOST_DELAYS - 1))] for n in range(_MOST_DELAYS)]
+
+
+def _rates(samples: Sequence[Sample], headers: int) -> tuple[float | None, float | None]:
+    """Give the highest rates at which messages arrived, as they went over the wire: up and down."""
+    names = dict.fromkeys(sample.stream for sample in samples if isinstance(sample, MessageEnded))
+    rates = {name: rate for name in names if (rate := _rate(samples, name, headers)) is not None}
+    down = [rate for name, rate in rates.items() if name == _LOAD_DOWN]
+    up = [rate for name, rate in rates.items() if name != _LOAD_DOWN]
+    return max(up, default=None), max(down, default=None)
+
+
+def _rate(samples: Sequence[Sample], stream: str, headers: int) -> float | None:
+    figures = message_figures(samples, stream)
+    if figures is None or figures.busy_bps is None or figures.is_bounded:
+        return None
+    payload = figures.size / figures.chunks
+    overhead = AUTHENTICATED_SIZE + HMAC_TLV_SIZE + CHUNK_HEADER_SIZE + headers
+    return figures.busy_bps * (payload + overhead) / payload
+
+
+def write_profile(folder: Path, profile: LinkProfile) -> None:
+    """Replace `profile.json` of a run's folder at once."""
+    write_atomically(folder / PROFILE_FILE, f"{profile.model_dump_json(indent=1)}\n".encode())
+
+
+def read_profile(path: Path) -> LinkProfile:
+    """Read a run's folder, whose profile is made and kept where it has none yet, or a `profile.json`. NoProfile."""
+    file = path / PROFILE_FILE if path.is_dir() else path
+    try:
+        if path.is_dir() and not file.is_file():
+            run = read_run(path)
+            with (path / SAMPLES_FILE).open(encoding="utf-8") as lines:
+                profile = profile_of(run, read(lines, str(path / SAMPLES_FILE)))
+            write_profile(path, profile)
+            return profile
+        profile = LinkProfile.model_validate_json(file.read_text(encoding="utf-8"))
+    except NoProfile:
+        raise
+    except (OSError, ValueError) as error:
+        raise NoProfile(
+            f"{path} holds no measured run that can be replayed",
+            hint=f"name the folder of a run ({RUN_FILE}, {SAMPLES_FILE}), or its {PROFILE_FILE}",
+        ) from error
+    if profile.version != VERSION:
+        raise NoProfile(f"{file} is of version {profile.version}, and this program reads {VERSION}")
+    return profile

@@ -1,0 +1,345 @@
+"""The figures of a run: all that its samples and its `run.json` say, and the verdicts against named thresholds.
+
+Nothing is measured here, and nothing is in `record.json` that cannot be made again: it is the same for the same samples
+and thresholds. Its shape is the JSON Schema of `QualifyRecord`; docs/qualify.md says what the fields are.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from dataclasses import asdict, dataclass, replace
+from decimal import Decimal  # noqa: TC003 - dataclasses in a model
+from math import isclose
+from typing import TYPE_CHECKING, Final, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from atlantis_netcfg.core.events import Verdict, worst
+from atlantis_netcfg.links.cost import bill
+from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS
+from atlantis_netcfg.links.qualify.figures import Percentiles, TrainFigures, train_figures
+from atlantis_netcfg.links.qualify.grids import (
+    IMAGES,
+    SHAPE_UNKNOWN,
+    RateRow,
+    image_row,
+    message_bytes,
+    telemetry_row,
+    train_bytes,
+)
+from atlantis_netcfg.links.qualify.judgement import Judgement, QualifyProfile, judge
+from atlantis_netcfg.links.qualify.measured_run import MeasuredRun, Selection
+from atlantis_netcfg.links.qualify.messages import MessagePlan
+from atlantis_netcfg.links.qualify.samples import StreamEnded, TrainBegan
+from atlantis_netcfg.links.qualify.search import RateLimit, sustained_rate
+from atlantis_netcfg.links.qualify.session import EndReason, TrainPlan
+from atlantis_netcfg.links.qualify.transfers import message_figures
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from atlantis_netcfg.links.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.search import SustainedRate
+    from atlantis_netcfg.links.qualify.transfers import MessageFigures
+
+VERSION: Final = 1
+MB: Final = 1_000_000
+_HOUR_S: Final = 3600
+_TELEMETRY: Final = re.compile(r"telemetry (\d+) (\S+)")
+_IMAGE: Final = re.compile(r"image (.+) (\S+)")
+_RATE: Final = re.compile(r"rate (\d+) (\S+)")
+_WITH_LOAD: Final = frozenset({Selection.THROUGHPUT, Selection.ALL})
+_UNDER_LOAD: Final = "buffer delay"
+"""The criterion that needs a load."""
+BOUNDED: Final = "as much as the far end sends: the link may carry more"
+_NO_REFERENCE: Final = "nothing without load was measured to compare with"
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredRate(RateRow):
+    """A size at a rate, as `grids` judges it."""
+
+    mb_per_hour: float
+    """On the wire, both ways together, headers of IP and UDP included, where nothing is lost."""
+    price_per_hour: Decimal | None
+    """Of an hour as a session of its own, in the currency of the run's tariff; None: no tariff is declared."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoadRow:
+    """What the receiver had of the messages that filled the link one way."""
+
+    way: Literal["up", "down"]
+    size: int
+    sent: int
+    received: int
+    lost: int
+    """With those of which the receiver said nothing."""
+    in_flight: int
+    goodput_bps: float | None
+    """By the receiver's count and clock."""
+    latency: Percentiles | None
+    offered_bps: float | None
+    """What the sender offered, in octets of messages; None: not known."""
+    verdict: Verdict
+    """INCONCLUSIVE: the load did not fill the link, so the goodput is none of it; `doubt` says why."""
+    doubt: str
+
+
+@dataclass(frozen=True, slots=True)
+class RateStep:
+    """A rate of the search; `failed`: why the link does not sustain it, empty where it does."""
+
+    rate_hz: float
+    sent: int
+    received: int
+    loss: float
+    p95_s: float | None
+    failed: str
+
+
+@dataclass(frozen=True, slots=True)
+class HighestRate:
+    """The highest rate that the link sustains of messages of a size."""
+
+    size: int
+    label: str
+    rate_hz: float | None
+    """None: not even the first one, or nothing was seen."""
+    limited_by: RateLimit
+    proved: bool
+    """A higher rate was seen to fail."""
+    reference_s: float
+    """Latency without load, which the latencies are compared with."""
+    mb_per_hour: float | None
+    price_per_hour: Decimal | None
+    steps: tuple[RateStep, ...]
+
+
+class QualifyRecord(BaseModel):
+    """`record.json`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    version: int = VERSION
+    samples_sha256: str
+    """Of `samples.jsonl`."""
+    run: MeasuredRun
+    thresholds_name: str
+    """Those of the verdicts here; the run's own stand in `run`."""
+    thresholds: QualifyProfile
+    idle: TrainFigures | None
+    """None: the run has no train without load."""
+    under_load: TrainFigures | None
+    rpm_under_load: float | None
+    """Latency under load as one number: round trips a minute, higher is better."""
+    load: tuple[LoadRow, ...]
+    telemetry: tuple[MeasuredRate, ...]
+    images: tuple[MeasuredRate, ...]
+    highest_rates: tuple[HighestRate, ...]
+    grid_note: str = SHAPE_UNKNOWN
+    wire_bytes: int
+    """Sent and received, by this computer's count; the router's stands in `run.counts`."""
+    mb_per_hour: float | None
+    """Of the run itself; that of a size at a rate stands in its row."""
+    judgements: tuple[Judgement, ...]
+    """Against the thresholds, by the figures without load, and under load where that was to be measured."""
+    verdict: Verdict
+    """The worst of the judgements, `load` and `run.way`; INCONCLUSIVE without a judgement, and of a run cut short."""
+
+
+def make_record(
+    run: MeasuredRun,
+    samples: Iterable[Sample],
+    digest: str = "",
+    thresholds: tuple[str, QualifyProfile] | None = None,
+) -> QualifyRecord:
+    """Make the figures. `digest`: SHA-256 of the samples; `thresholds`: other ones than the run's, with their name."""
+    streams: dict[str, list[Sample]] = defaultdict(list)
+    for sample in samples:
+        streams[sample.stream].append(sample)
+    trains = {name: train_figures(mine, name) for name, mine in streams.items() if isinstance(mine[0], TrainBegan)}
+    messages = {name: figures for name, mine in streams.items() if (figures := message_figures(mine, name)) is not None}
+    measured = _Measured(
+        run, trains, messages, {name: _reason(mine) for name, mine in streams.items()}, _headers(streams)
+    )
+    idle, loaded = trains.get("idle"), trains.get("loaded")
+    name, limits = thresholds or (run.thresholds_name, run.thresholds)
+    judgements = tuple(judge(idle, limits, loaded, messages.get("load up"))) if idle is not None else ()
+    load = tuple(measured.load())
+    if run.selection not in _WITH_LOAD:
+        judgements = tuple(item for item in judgements if not item.criterion.startswith(_UNDER_LOAD))
+    ended = run.reason == EndReason.DONE and idle is not None and idle.reason == EndReason.DONE
+    whole = Verdict.PASS if ended else Verdict.INCONCLUSIVE
+    seconds = (run.ended - run.begun).total_seconds() if run.ended is not None else 0.0
+    wire = run.sent_bytes + run.received_bytes
+    return QualifyRecord(
+        samples_sha256=digest,
+        run=run,
+        thresholds_name=name,
+        thresholds=limits,
+        idle=idle,
+        under_load=loaded,
+        rpm_under_load=loaded.rpm if loaded is not None else None,
+        load=load,
+        telemetry=tuple(measured.telemetry()),
+        images=tuple(measured.images()),
+        highest_rates=tuple(measured.highest_rates()),
+        wire_bytes=wire,
+        mb_per_hour=wire / MB / seconds * _HOUR_S if seconds > 0 else None,
+        judgements=judgements,
+        verdict=worst([whole, run.way, *(item.verdict for item in judgements), *(row.verdict for row in load)])
+        if judgements
+        else Verdict.INCONCLUSIVE,
+    )
+
+
+def _reason(samples: Sequence[Sample]) -> str:
+    """Why a stream ended."""
+    return next((sample.reason for sample in samples if isinstance(sample, StreamEnded)), "cut off")
+
+
+def _headers(streams: Mapping[str, Sequence[Sample]]) -> int:
+    trains = (mine[0] for mine in streams.values())
+    return next((train.headers for train in trains if isinstance(train, TrainBegan)), IPV4_HEADERS)
+
+
+@dataclass(frozen=True, slots=True)
+class _Measured:
+    """The streams of a run by their names."""
+
+    run: MeasuredRun
+    trains: Mapping[str, TrainFigures]
+    messages: Mapping[str, MessageFigures]
+    reasons: Mapping[str, str]
+    headers: int
+
+    def load(self) -> Iterable[LoadRow]:
+        ways: tuple[Literal["up", "down"], ...] = ("up", "down")
+        for way in ways:
+            figures, idle = self.messages.get(f"load {way}"), self.trains.get("idle")
+            if figures is not None:
+                loss = 0.0 if idle is None else idle.flr.share_up if way == "up" else idle.flr.down or idle.flr.both
+                doubt = BOUNDED if figures.is_bounded else figures.doubt(loss)
+                yield LoadRow(
+                    way,
+                    figures.size,
+                    figures.sent,
+                    figures.received,
+                    figures.lost + figures.unknown,
+                    figures.in_flight,
+                    figures.receiver_bps,
+                    figures.latency,
+                    figures.offered_bps,
+                    Verdict.INCONCLUSIVE if doubt or figures.receiver_bps is None else Verdict.PASS,
+                    doubt,
+                )
+
+    def telemetry(self) -> Iterable[MeasuredRate]:
+        idle = self.trains.get("idle")
+        reference = None if idle is None or idle.rtt is None else idle.rtt.p50
+        for name, figures in self.trains.items():
+            if (match := _TELEMETRY.fullmatch(name)) is not None:
+                octets, rate_hz = int(match[1]), float(match[2])
+                row = telemetry_row(octets, rate_hz, figures, reference or 0.0)
+                plan = TrainPlan(figures.size, 1 / rate_hz, _HOUR_S)
+                yield self._grid_row(name, row, reference, train_bytes(plan, self.headers))
+
+    def images(self) -> Iterable[MeasuredRate]:
+        known = {image.label: image for image in IMAGES}
+        for name, figures in self.messages.items():
+            if (match := _IMAGE.fullmatch(name)) is not None and match[1] in known:
+                rate_hz, reference = float(match[2]), self._reference(figures.size)
+                row = image_row(known[match[1]], rate_hz, figures, reference or 0.0)
+                yield self._grid_row(name, row, reference, self._message_bytes(figures.size, rate_hz))
+
+    def _grid_row(self, name: str, row: RateRow, reference: float | None, hour_bytes: int) -> MeasuredRate:
+        """Nothing passes that was compared with nothing, or that has not run to its end."""
+        reason = self.reasons[name]
+        if row.verdict is not Verdict.INCONCLUSIVE and reference is None:
+            row = replace(row, verdict=Verdict.INCONCLUSIVE, reason=_NO_REFERENCE)
+        elif row.verdict is Verdict.PASS and reason != EndReason.DONE:
+            row = replace(row, verdict=Verdict.INCONCLUSIVE, reason=f"ended early: {reason}")
+        return MeasuredRate(**asdict(row), mb_per_hour=hour_bytes / MB, price_per_hour=self._price(hour_bytes))
+
+    def _price(self, hour_bytes: int) -> Decimal | None:
+        tariff = self.run.tariff
+        return None if tariff is None else bill(hour_bytes, _HOUR_S, tariff).price
+
+    def _message_bytes(self, size: int, rate_hz: float) -> int:
+        return message_bytes(MessagePlan(size, rate_hz, _HOUR_S), self.headers)
+
+    def _reference(self, size: int) -> float | None:
+        """Median latency of a message without load: of single ones, else the least median of all rates of this size."""
+        single = self.messages.get(f"rate {size} 0")
+        if single is not None and single.latency is not None:
+            return single.latency.p50
+        medians = [
+            figures.latency.p50
+            for name, figures in self.messages.items()
+            if name.startswith(("image ", "rate ")) and figures.size == size and figures.latency is not None
+        ]
+        return min(medians, default=None)
+
+    def highest_rates(self) -> Iterable[HighestRate]:
+        idle = self.trains.get("idle")
+        rates: dict[int, dict[float, MessageFigures]] = defaultdict(dict)
+        for name, figures in self.messages.items():
+            match = _RATE.fullmatch(name)
+            if match is not None and float(match[2]) > 0 and self.reasons[name] == EndReason.DONE:
+                rates[int(match[1])][float(match[2])] = figures
+        for size, windows in sorted(rates.items()):
+            single, reference = self.messages.get(f"rate {size} 0"), self._reference(size)
+            if single is not None and single.latency is None:
+                reference = 0.0  # as the search had it: no single message was whole
+            if reference is not None:
+                idle_loss = 0.0 if idle is None else idle.flr.share_up
+                yield self._highest_rate(windows, reference, idle_loss)
+
+    def _highest_rate(self, windows: Mapping[float, MessageFigures], reference: float, idle_loss: float) -> HighestRate:
+        """Go through the windows as the search did that measured them: it is judged anew, by the same rules."""
+        first = next(iter(windows.values()))
+
+        def measured(rate_hz: float) -> MessageFigures | None:
+            # The names of streams have six digits of a rate.
+            return next((seen for rate, seen in windows.items() if isclose(rate, rate_hz, rel_tol=1e-4)), None)
+
+        found = sustained_rate(
+            first.size,
+            measured,
+            idle_latency_s=reference,
+            idle_loss=idle_loss,
+            first_hz=min(windows),
+        )
+        limited_by = found.limited_by
+        if limited_by is RateLimit.BUDGET and self.run.reason == EndReason.DONE:
+            limited_by = RateLimit.HIGHEST
+        hour_bytes = None if found.rate_hz is None else self._message_bytes(first.size, found.rate_hz)
+        label = next((image.label for image in IMAGES if image.octets == first.size), f"{first.size} B")
+        return HighestRate(
+            first.size,
+            label,
+            found.rate_hz,
+            limited_by,
+            found.is_proved,
+            reference,
+            None if hour_bytes is None else hour_bytes / MB,
+            None if hour_bytes is None else self._price(hour_bytes),
+            tuple(_steps(found)),
+        )
+
+
+def _steps(found: SustainedRate) -> Iterable[RateStep]:
+    for window in found.windows:
+        figures = window.figures
+        if figures is not None:
+            latency = figures.latency
+            yield RateStep(
+                window.rate_hz,
+                figures.sent - figures.in_flight,
+                figures.received,
+                figures.loss,
+                None if latency is None else latency.p95,
+                "" if window.failed is None else window.failed.value,
+            )

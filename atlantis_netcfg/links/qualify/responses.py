@@ -1,0 +1,115 @@
+"""Packets with and without an answer: which way those were lost, how many in a row, and which of them in a gap.
+
+A gap is silence of at least three packets and a second. What was lost in one is unavailability and no loss of the link
+while it carries, as ITU-T Y.1563 has it for severely errored blocks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.links.qualify.samples import PacketSent, ReplyReceived, StreamEnded
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.links.qualify.samples import ReflectorCounted, Sample, TrainBegan
+
+LEAST_GAP_PACKETS: Final = 3
+_LEAST_GAP_S: Final = 1.0
+_SECOND: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class AnsweredPacket:
+    """A packet and its first answer."""
+
+    sequence: int
+    sent: int
+    arrived: int
+    reflector_sequence: int
+    received: int
+    replied: int
+    error: int
+
+    @property
+    def rtt(self) -> int:
+        """In nanoseconds, less the time at the reflector."""
+        return self.arrived - self.sent - (self.replied - self.received)
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """Packets without an answer, one after the other."""
+
+    packets: int
+    down: int | None
+    """How many of them the reflector had answered; None: not known."""
+
+
+def answered_packets(sent: Sequence[PacketSent], replies: Sequence[ReplyReceived]) -> list[AnsweredPacket]:
+    """Put packets and their first answers together, in the order of sending."""
+    first: dict[int, ReplyReceived] = {}
+    for reply in replies:
+        first.setdefault(reply.sequence, reply)
+    return [
+        AnsweredPacket(
+            packet.sequence,
+            packet.sent_at_ns,
+            answer.arrived_at_ns,
+            answer.reflector_sequence,
+            answer.received_ns,
+            answer.replied_ns,
+            answer.reflector_error,
+        )
+        for packet in sent
+        if (answer := first.get(packet.sequence)) is not None
+    ]
+
+
+def packets_of_known_fate(samples: Sequence[Sample], begin: TrainBegan) -> list[PacketSent]:
+    """Leave out packets that were under way when the run ended, and what this computer did not take."""
+    end = next((sample.ended_at_ns for sample in samples if isinstance(sample, StreamEnded)), None)
+    last_reply = max((s.arrived_at_ns for s in samples if isinstance(s, ReplyReceived)), default=0)
+    fate_known = (last_reply if end is None else end) - round(begin.timeout_s * _SECOND)
+    answered = {sample.sequence for sample in samples if isinstance(sample, ReplyReceived)}
+    return [
+        sample
+        for sample in samples
+        if isinstance(sample, PacketSent)
+        and not sample.error
+        and (sample.sequence in answered or sample.sent_at_ns <= fate_known)
+    ]
+
+
+def find_silences(
+    known: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], counted: ReflectorCounted | None
+) -> list[Silence]:
+    """Find what was not answered, and on which way it was lost, by the reflector's own numbers (RFC 8762, 4.3.1)."""
+    by_sequence = {pair.sequence: pair for pair in pairs}
+    lost = len(known) - len(pairs)
+    numbers = [pair.reflector_sequence for pair in pairs]
+    copies = lost > 0 and all(pair.sequence == pair.reflector_sequence for pair in pairs)
+    counts = len(set(numbers)) == len(numbers) and not copies
+    arrived = counted.received - counted.duplicates if counted is not None else None
+    result: list[Silence] = []
+    before, length = -1, 0
+    for packet in known:
+        pair = by_sequence.get(packet.sequence)
+        if pair is None:
+            length += 1
+            continue
+        if length:
+            down = min(length, max(0, pair.reflector_sequence - before - 1))
+            result.append(Silence(length, down if counts else None))
+        before, length = pair.reflector_sequence, 0
+    if length:
+        down_at_end = None if arrived is None or not counts else min(length, max(0, arrived - before - 1))
+        result.append(Silence(length, down_at_end))
+    return result
+
+
+def is_gap(silence: Silence, begin: TrainBegan) -> bool:
+    """Whether so many packets are more than loss."""
+    return silence.packets >= LEAST_GAP_PACKETS and silence.packets * begin.interval_s >= _LEAST_GAP_S

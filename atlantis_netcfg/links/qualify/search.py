@@ -1,0 +1,117 @@
+"""The highest rate of messages of a size that a link sustains, and what limits it.
+
+From the first rate it is doubled until a window fails, then the step between the last good and the first bad rate is
+halved four times, by their ratio. A window fails when more packets are lost than without load, when the 95th percentile
+of the delay leaves its band, or when the queue grows over the window. All of it is told by packets, and by messages of
+which a part came: one of many packets is seldom whole on a link that loses some. The numbers are those of
+docs/qualify.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.links.qualify.transfers import MessageFigures
+
+FIRST_HZ: Final = 0.5
+HALVINGS: Final = 4
+MAX_LOSS: Final = 0.01
+MIN_LOST: Final = 2
+"""One lost message is no rate."""
+MIN_BAND_S: Final = 0.3
+BAND: Final = 0.5
+MAX_STRETCH: Final = 0.03
+SURE: Final = 3
+"""So many standard errors more than may be are no chance."""
+
+
+class RateLimit(StrEnum):
+    """What keeps a link from a higher rate."""
+
+    LOSS = "loss"
+    LATENCY = "latency"
+    QUEUE = "the queue grows"
+    SILENCE = "no answer"
+    BUDGET = "the budget"
+    HIGHEST = "no higher rate was tried"
+
+
+@dataclass(frozen=True, slots=True)
+class RateWindow:
+    """What was seen at a rate; `failed`: why the link does not sustain it."""
+
+    rate_hz: float
+    figures: MessageFigures | None
+    failed: RateLimit | None
+
+
+@dataclass(frozen=True, slots=True)
+class SustainedRate:
+    """The result; `rate_hz` None: not even the first rate was sustained, or seen."""
+
+    size: int
+    rate_hz: float | None
+    limited_by: RateLimit
+    windows: tuple[RateWindow, ...]
+
+    @property
+    def is_proved(self) -> bool:
+        """A rate was sustained, and a higher one was seen to fail."""
+        return self.rate_hz is not None and self.limited_by not in {RateLimit.BUDGET, RateLimit.HIGHEST}
+
+
+def failed(figures: MessageFigures, idle_latency_s: float, idle_loss: float) -> RateLimit | None:
+    """Judge a window against the link without load, which loses this share of packets; None: it is sustained."""
+    if figures.delay_p95_s is None:
+        return RateLimit.SILENCE
+    expected = (idle_loss + MAX_LOSS) * figures.packets
+    if figures.packets_lost > expected + SURE * math.sqrt(expected) + MIN_LOST:
+        return RateLimit.LOSS
+    if (figures.stretch or 0.0) > max(MAX_STRETCH, SURE * figures.stretch_error):
+        return RateLimit.QUEUE
+    return RateLimit.LATENCY if figures.delay_p95_s > max(MIN_BAND_S, BAND * idle_latency_s) else None
+
+
+def sustained_rate(  # noqa: PLR0913 - each has its name where it is given
+    size: int,
+    measure: Callable[[float], MessageFigures | None],
+    *,
+    idle_latency_s: float,
+    idle_loss: float = 0.0,
+    first_hz: float = FIRST_HZ,
+    highest_hz: float = 64.0,
+) -> SustainedRate:
+    """Search. `measure` runs a window at a rate; None: the budget ended before it did.
+
+    `idle_latency_s` is the median latency of single messages of this size, and `idle_loss` the share of packets that
+    are lost, both without load.
+    """
+    windows: list[RateWindow] = []
+    good: float | None = None
+    bad: float | None = None
+    limited_by, rate = RateLimit.HIGHEST, min(first_hz, highest_hz)
+    halvings = 0
+    while True:
+        figures = measure(rate)
+        limit = RateLimit.BUDGET if figures is None else failed(figures, idle_latency_s, idle_loss)
+        windows.append(RateWindow(rate, figures, limit))
+        if limit is RateLimit.BUDGET:
+            # A rate that was seen to fail is known, although the search for a better one did not end.
+            return SustainedRate(size, good, limited_by if bad is not None else limit, tuple(windows))
+        if limit is None:
+            good = rate
+        else:
+            bad, limited_by = rate, limit
+        if good is None or halvings == HALVINGS or (bad is None and rate >= highest_hz):
+            return SustainedRate(size, good, limited_by, tuple(windows))
+        if bad is None:
+            rate = min(2 * rate, highest_hz)
+        else:
+            halvings += 1
+            rate = math.sqrt(good * bad)

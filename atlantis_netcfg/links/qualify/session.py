@@ -1,0 +1,336 @@
+"""The sender: streams of test packets to one reflector, each packet on its schedule and within the budget.
+
+A train is a series of equal packets for delay, loss, order and gaps each way. Where it is the load that matters,
+streams of messages (`messages`) run beside it on the same socket. Every stream has a session identifier of its own.
+"""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final, Protocol
+
+from atlantis_netcfg.links.qualify.reflector.stamp import (
+    COUNTERS,
+    BadPacket,
+    ReflectorCounters,
+    ReflectorPacket,
+    SenderPacket,
+    Tlv,
+    Tlvs,
+    decode_reflector,
+    error_estimate,
+    ntp,
+    padding,
+    unix_ns,
+)
+from atlantis_netcfg.links.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from atlantis_netcfg.links.qualify.budget import BudgetGuard
+    from atlantis_netcfg.links.qualify.samples import Sample
+    from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
+
+SECOND: Final = 1_000_000_000
+_COUNTER_REQUESTS: Final = 3
+_SLICE_S: Final = 0.2
+"""How often the budget is looked at while nothing is due."""
+
+
+class EndReason(StrEnum):
+    """Why a run ended; a limit of the budget has its own word."""
+
+    DONE = "done"
+    STOPPED = "stopped"
+    SILENT = "no answer"
+    """To anything at all: what is left needs answers."""
+    LEFT_OUT = "nothing to try"
+    """By its declared rate the link carries none of the sizes and rates."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outgoing:
+    """A packet that a stream wants to send, and all that it can bring."""
+
+    tlvs: Tlvs
+    size: int
+    answer: int
+    """UDP payload of all its answers at most; 0: there is none."""
+    sequence: int
+    answers: int = 1
+    """How many datagrams these are."""
+    answer_s: float = 0.0
+    """How long the far end sends them."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReflectorPeer:
+    """Who answers, and how packets for it are made."""
+
+    key: bytes | None
+    """None: unauthenticated, for reflectors of others."""
+    synchronised: bool = False
+    """Whether this computer's clock is; absolute one-way delays need both."""
+    clock_error_s: float = 1.0
+    counts: bool = True
+    """It is our reflector, which tells its counters."""
+
+
+class PacketStream(Protocol):
+    """A source of packets; `run` asks it when, and hands it what comes back."""
+
+    name: str
+    session_id: int
+
+    def begin(self, origin_ns: int) -> None:
+        """Begin now; this is the zero of the run's samples."""
+
+    def due_ns(self) -> int | None:
+        """When it wants to send, or to be asked again; None: it has ended."""
+
+    def next_packet(self, now_ns: int) -> Outgoing | None:
+        """What it sends now; None: nothing yet."""
+
+    def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+        """The packet was handed over, or (`error`) was not."""
+
+    def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
+        """An answer came; the size that was charged for it, 0 for a copy."""
+
+    def end(self, now_ns: int, reason: str) -> None:
+        """Nothing more is sent or received."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrainPlan:
+    """Equal packets at equal intervals; `size` is the UDP payload, which the answer has as well."""
+
+    size: int
+    interval_s: float
+    duration_s: float
+    timeout_s: float = 5.0
+    """How long the last answers are awaited; what comes later is late."""
+
+    @property
+    def packets(self) -> int:
+        """How many, if nothing limits it."""
+        return max(1, round(self.duration_s / self.interval_s))
+
+
+@dataclass(slots=True)
+class Train:
+    """A train under way."""
+
+    name: str
+    plan: TrainPlan
+    peer: ReflectorPeer
+    transport: DatagramTransport
+    write: Callable[[Sample], None]
+    session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
+    _origin: int = 0
+    _begin: int | None = None
+    _number: int = 0
+    _answered: set[int] = field(default_factory=set)
+    _requests: int = 0
+    _counted: bool = False
+    _next: int = 0
+    _ended: bool = False
+
+    def begin(self, origin_ns: int) -> None:
+        """As `PacketStream` has it."""
+        now = self.transport.now_ns()
+        self._origin, self._begin, self._next = origin_ns, now, now
+        plan, peer = self.plan, self.peer
+        self.write(
+            TrainBegan(
+                self.name,
+                now - origin_ns,
+                self.transport.unix_ns(),
+                plan.size,
+                plan.interval_s,
+                plan.duration_s,
+                plan.timeout_s,
+                self.transport.headers,
+                authenticated=peer.key is not None,
+                synchronised=peer.synchronised,
+            )
+        )
+
+    def due_ns(self) -> int | None:
+        """As `PacketStream` has it."""
+        return None if self._ended else self._next
+
+    def next_packet(self, now_ns: int) -> Outgoing | None:
+        """The next of the train; after its last, and the time for answers, a question for the reflector's counters."""
+        plan = self.plan
+        if self._number < plan.packets:
+            size = plan.size
+            return Outgoing(padding(size, authenticated=self.peer.key is not None), size, size, self._number)
+        asks = self.peer.counts and not self._counted and self._requests < _COUNTER_REQUESTS
+        if now_ns < self._next or not asks:
+            self._ended = now_ns >= self._next
+            return None
+        tlvs = (Tlv(COUNTERS, bytes(16)),)
+        size = len(SenderPacket(0, 0, 1, 1, tlvs).encode(self.peer.key))
+        return Outgoing(tlvs, size, size, plan.packets + self._requests)
+
+    def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+        """As `PacketStream` has it."""
+        plan = self.plan
+        if self._number < plan.packets:
+            self.write(PacketSent(self.name, outgoing.sequence, now_ns - self._origin, error))
+            self._number += 1
+            step = round(plan.interval_s * SECOND)
+            # A computer that was busy for longer than a step does not send what it missed in one burst.
+            self._next = max(self._next + step, now_ns - step)
+            if self._number == plan.packets:
+                self._next = now_ns + round(plan.timeout_s * SECOND)
+        else:
+            self._requests += 1
+            self._next = now_ns + round(plan.timeout_s * SECOND)
+
+    def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
+        """As `PacketStream` has it."""
+        sequence = packet.sender_sequence
+        is_copy = sequence in self._answered
+        self._answered.add(sequence)
+        if self._number == len(self._answered) == self.plan.packets:
+            self._next = min(self._next, arrival.at_ns)  # no answer is awaited any more
+        if sequence >= self.plan.packets:
+            self._accept_counters(packet)
+            return 0 if is_copy else len(arrival.datagram)
+        self.write(
+            ReplyReceived(
+                self.name,
+                sequence,
+                arrival.at_ns - self._origin,
+                packet.sequence,
+                unix_ns(packet.received, packet.error),
+                unix_ns(packet.timestamp, packet.error),
+                len(arrival.datagram),
+                arrival.ttl,
+                packet.error,
+            )
+        )
+        return 0 if is_copy else self.plan.size
+
+    def _accept_counters(self, packet: ReflectorPacket) -> None:
+        for tlv in packet.tlvs:
+            if tlv.type == COUNTERS and not tlv.flags and not self._counted:
+                self._counted, self._ended = True, True
+                counters = ReflectorCounters.decode(tlv.value)
+                self.write(
+                    ReflectorCounted(
+                        self.name, counters.received, counters.duplicates, counters.limited, counters.answered
+                    )
+                )
+
+    def end(self, now_ns: int, reason: str) -> None:
+        """As `PacketStream` has it."""
+        self.write(StreamEnded(self.name, now_ns - self._origin, reason))
+
+
+def run(
+    transport: DatagramTransport,
+    peer: ReflectorPeer,
+    streams: Sequence[PacketStream],
+    guard: BudgetGuard,
+    *,
+    stop: Callable[[], bool] = lambda: False,
+) -> str:
+    """Send all streams until each has ended, the budget is used up, or somebody stops it; why it ended.
+
+    KeyboardInterrupt stops it as well: what was measured is kept, and what is under way is neither received nor lost.
+    """
+    origin = transport.now_ns()
+    taken: set[int] = set()
+    for stream in streams:
+        while stream.session_id in taken:
+            stream.session_id = secrets.randbelow(65535) + 1
+        taken.add(stream.session_id)
+        stream.begin(origin)
+    under_way = _RunningStreams(transport, peer, streams, guard)
+    try:
+        reason = under_way.until_ended(stop)
+    except KeyboardInterrupt:
+        reason = EndReason.STOPPED
+    for stream in streams:
+        stream.end(transport.now_ns(), reason)
+    return reason
+
+
+@dataclass(slots=True)
+class _RunningStreams:
+    """Streams under way."""
+
+    transport: DatagramTransport
+    peer: ReflectorPeer
+    streams: Sequence[PacketStream]
+    guard: BudgetGuard
+    stamps: dict[tuple[int, int], int] = field(default_factory=dict)
+    """What each packet that wants an answer was stamped with, by session identifier and sequence."""
+
+    def until_ended(self, stop: Callable[[], bool]) -> str:
+        while dues := [due for stream in self.streams if (due := stream.due_ns()) is not None]:
+            if stop():
+                return EndReason.STOPPED
+            self._step(min(dues))
+            if self.guard.limited_by is not None:
+                end = self.transport.now_ns() + round(self.guard.closing_left_s * SECOND)
+                while self._receive(end):
+                    pass
+                return self.guard.limited_by
+        return EndReason.DONE
+
+    def _step(self, due: int) -> None:
+        now = self.transport.now_ns()
+        if now < due:
+            if not self.guard.expires(_SLICE_S):
+                self._receive(min(due, now + round(_SLICE_S * SECOND)))
+            return
+        # What has come up to now is looked at first: it may end a stream.
+        while self._receive(now):
+            pass
+        for stream in self.streams:
+            self._send(stream)
+
+    def _send(self, stream: PacketStream) -> None:
+        """Let a stream send, if it is due and the budget admits it."""
+        now = self.transport.now_ns()
+        due = stream.due_ns()
+        if due is None or due > now or (outgoing := stream.next_packet(now)) is None:
+            return
+        if not self.guard.admit(outgoing.size, outgoing.answer, outgoing.answers, outgoing.answer_s):
+            return
+        error = error_estimate(self.peer.clock_error_s, synchronised=self.peer.synchronised)
+        stamp = ntp(self.transport.unix_ns())
+        packet = SenderPacket(outgoing.sequence, stamp, error, stream.session_id, outgoing.tlvs)
+        if outgoing.answer:
+            self.stamps[stream.session_id, outgoing.sequence] = stamp
+        stream.sent(outgoing, now, self.transport.send(packet.encode(self.peer.key)))
+
+    def _receive(self, until_ns: int) -> bool:
+        """Take one datagram; False: none came until then. What is no answer to a packet of this run only costs."""
+        arrival = self.transport.receive(until_ns)
+        if arrival is None:
+            return False
+        self.guard.count(len(arrival.datagram), self._accept(arrival))
+        return True
+
+    def _accept(self, arrival: Arrival) -> int:
+        """Hand an answer to its stream; what was charged for it."""
+        try:
+            packet = decode_reflector(arrival.datagram, self.peer.key)
+            for stream in self.streams:
+                # A reflector of RFC 8762 alone answers with 0 where a session's identifier would stand.
+                named = packet.session_id == stream.session_id or not (packet.session_id or self.peer.counts)
+                # Both directions have one key: our own packet that comes back is no answer, and lacks the stamp.
+                stamp = self.stamps.get((stream.session_id, packet.sender_sequence))
+                if named and stamp == packet.sender_timestamp:
+                    return stream.accept(packet, arrival)
+        except BadPacket:
+            pass
+        return 0

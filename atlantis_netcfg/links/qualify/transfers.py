@@ -1,0 +1,194 @@
+"""Figures of messages: what the receiver had, how long it took, and how much that is a second."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import fmean, linear_regression, median
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.links.qualify.figures import percentile, percentiles
+from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageEnded
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from atlantis_netcfg.links.qualify.figures import Percentiles
+    from atlantis_netcfg.links.qualify.samples import Sample
+
+_SECOND: Final = 1_000_000_000
+_FEWEST: Final = 3
+"""Of fewer messages nobody can say how sure it is that a queue grows."""
+_KEPT: Final = 0.97
+"""Of what was to be offered: less does not fill a link that carries as much. Of what was offered: more is all of it."""
+_NEAR: Final = 0.75
+"""Of a limit with headers: so much of it is goodput at least where the limit is reached."""
+
+
+@dataclass(frozen=True, slots=True)
+class MessageFigures:
+    """What became of the messages of one stream."""
+
+    size: int
+    chunks: int
+    sent: int
+    received: int
+    """The receiver said that it has all of them."""
+    in_flight: int
+    unknown: int
+    """Not one word of the receiver came: they may have arrived."""
+    lost: int
+    latency: Percentiles | None
+    """From the first `send` to the receiver's word that it has the last octet; down: from the request to that octet."""
+    receiver_bps: float | None
+    """Goodput by the receiver's count and clock, from the first octet of all messages to the last. None: too little."""
+    busy_bps: float | None
+    """Goodput while a message arrives: the median over the messages of more than one chunk."""
+    packets: int
+    """Of messages that are not in flight, and how many of them the receiver lacks."""
+    packets_lost: int
+    delay_p95_s: float | None
+    """95th percentile of the delay until the last octet that came of a message, above the least. None: none came."""
+    stretch: float | None
+    """How much longer arriving took than sending, as a share: more than 0 where a queue grows. None: too few came."""
+    stretch_error: float
+    """Its standard error."""
+    far_rate_bps: float | None = None
+    """Down: what the far end sends at most. Goodput that comes near it is no figure of the link."""
+
+    offered_bps: float | None = None
+    """Octets of messages that the sender began to send a second, those of the last one left out."""
+    planned_bps: float | None = None
+    """What it was to offer; both are None where that is not known."""
+
+    def doubt(self, loss: float) -> str:
+        """Why the goodput is no figure of a link that loses this share without load; empty: the load filled it."""
+        offered, planned = self.offered_bps, self.planned_bps
+        if offered is None or planned is None:
+            return "what was offered is not known"
+        if offered < _KEPT * planned:
+            return f"the sender fell behind: it offered {offered / 1000:.0f} of {planned / 1000:.0f} kbit/s"
+        if (self.receiver_bps or 0.0) > _KEPT * (1 - loss) * offered:
+            return "nothing queued: the link carried all that was offered"
+        return ""
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether the goodput says what the far end sends at most, and nothing of the link."""
+        limit, goodput = self.far_rate_bps, self.busy_bps
+        return limit is not None and goodput is not None and goodput > _NEAR * limit
+
+    @property
+    def loss(self) -> float:
+        """Lost and unknown ones of those that are not in flight."""
+        known = self.sent - self.in_flight
+        return (self.lost + self.unknown) / known if known else 0.0
+
+
+def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | None:
+    """Make the figures of one stream; None: it has sent no message."""
+    ended = sorted(
+        (sample for sample in samples if isinstance(sample, MessageEnded) and sample.stream == stream),
+        key=lambda sample: sample.message,
+    )
+    if not ended:
+        return None
+    ended_ones = [message for message in ended if not message.in_flight]
+    whole = [message for message in ended if message.acknowledged_at_ns is not None]
+    in_flight = sum(1 for message in ended if message.in_flight)
+    unknown = sum(1 for message in ended if not message.in_flight and message.received_size is None)
+    delays = [(m.sent_at_ns / _SECOND, (m.last_ns - m.sent_at_ns) / _SECOND) for m in ended_ones if m.last_ns]
+    least = min((delay for _, delay in delays), default=0.0)
+    above = percentiles(delay - least for _, delay in delays)
+    stretch, stretch_error = _stretch(delays)
+    offered_bps, planned_bps = _offered_bps(ended)
+    return MessageFigures(
+        size=ended[0].size,
+        chunks=ended[0].chunks,
+        sent=len(ended),
+        received=len(whole),
+        in_flight=in_flight,
+        unknown=unknown,
+        lost=len(ended) - len(whole) - in_flight - unknown,
+        latency=percentiles(_latencies(whole)),
+        receiver_bps=_receiver_bps(ended),
+        busy_bps=_busy_bps(ended),
+        packets=sum(message.chunks for message in ended_ones),
+        packets_lost=sum(message.chunks - _arrived_packets(message) for message in ended_ones),
+        delay_p95_s=None if above is None else above.p95,
+        stretch=stretch,
+        stretch_error=stretch_error,
+        far_rate_bps=next((message.far_rate_bps for message in ended if message.far_rate_bps is not None), None),
+        offered_bps=offered_bps,
+        planned_bps=planned_bps,
+    )
+
+
+def _offered_bps(ended: Sequence[MessageEnded]) -> tuple[float | None, float | None]:
+    """From the first beginning of a message to the last one: what the sender offered, and what it was to."""
+    is_down = ended[0].direction == MessageDirection.DOWN
+    starts = [
+        (message.message, start)
+        for message in ended
+        if (start := message.far_sent_ns if is_down else message.sent_at_ns) is not None
+    ]
+    if ended[0].due_ns is None or len(starts) < 2:  # noqa: PLR2004 - a beginning and an end
+        return None, None
+    (first, begin), (last, end) = starts[0], starts[-1]
+    bits, due_ns = (last - first) * ended[0].size * 8 * _SECOND, (last - first) * ended[0].due_ns
+    return (bits / (end - begin), bits / due_ns) if end > begin else (None, None)
+
+
+def _receiver_bps(ended: Sequence[MessageEnded]) -> float | None:
+    """The first packet's octets are the fence post: the time begins when they are there.
+
+    The last of several messages is left out: nobody says whether a sender that was stopped has ended it late.
+    """
+    counted = ended[:-1] or ended
+    arrived = [message for message in counted if message.first_ns is not None and message.last_ns is not None]
+    if not arrived:
+        return None
+    first = min(message.first_ns or 0 for message in arrived)
+    last = max(message.last_ns or 0 for message in arrived)
+    octets = sum(message.received_size or 0 for message in arrived) - _first_chunk(arrived[0])
+    return octets * 8 * _SECOND / (last - first) if last > first and octets > 0 else None
+
+
+def _busy_bps(ended: Sequence[MessageEnded]) -> float | None:
+    rates = sorted(
+        (message.received_size - _first_chunk(message)) * 8 * _SECOND / (message.last_ns - message.first_ns)
+        for message in ended
+        if message.first_ns and message.last_ns and message.received_size and message.last_ns > message.first_ns
+    )
+    return percentile(rates, 0.5) if rates else None
+
+
+def _first_chunk(message: MessageEnded) -> int:
+    """Its octets: the clock of a message begins when they are there."""
+    octets = message.chunk_size if message.chunk_size is not None else -(-message.size // message.chunks)
+    return min(octets, message.size)
+
+
+def _arrived_packets(message: MessageEnded) -> int:
+    return -(-(message.received_size or 0) // (message.chunk_size or -(-message.size // message.chunks)))
+
+
+def _latencies(whole: Sequence[MessageEnded]) -> list[float]:
+    """Leave out the wait for a receiver's word that was lost: what it needs on the way back others tell."""
+    times = [(m, (m.acknowledged_at_ns or 0) - m.sent_at_ns, (m.last_ns or 0) - m.sent_at_ns) for m in whole]
+    back = median(taken - there for _, taken, there in times) if times else 0
+    return [
+        (taken if message.chunks_sent <= message.chunks else min(taken, there + back)) / _SECOND
+        for message, taken, there in times
+    ]
+
+
+def _stretch(delays: Sequence[tuple[float, float]]) -> tuple[float | None, float]:
+    """By how much the delay grows in each second (least squares), and the standard error of that."""
+    if len(delays) < _FEWEST or delays[0][0] == delays[-1][0]:
+        return None, 0.0
+    slope, first = linear_regression(*zip(*delays, strict=True))
+    centre = fmean(sent for sent, _ in delays)
+    squares = sum((delay - first - slope * sent) ** 2 for sent, delay in delays)
+    spread = sum((sent - centre) ** 2 for sent, _ in delays)
+    return slope, math.sqrt(squares / (len(delays) - 2) / spread)

@@ -1,0 +1,147 @@
+"""The seam between a measurement and the network: a steady clock, and datagrams to one far end and back."""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+import struct
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol, Self
+
+from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS, IPV6_HEADERS
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+_SO_TIMESTAMPNS: Final = 35
+_SO_BINDTODEVICE: Final = 25
+_IP_RECVTTL: Final = 12
+_IP_MTU_DISCOVER: Final = 10
+_IPV6_RECVHOPLIMIT: Final = 51
+_IPV6_HOPLIMIT: Final = 52
+_IPV6_MTU_DISCOVER: Final = 23
+_NO_FRAGMENTS: Final = 3
+"""IP_PMTUDISC_PROBE: the DF bit, and what the kernel believes of the path does not bound the size."""
+_LONGEST: Final = 65536
+_RECEIVE_BUFFER: Final = 1 << 22
+"""As much of it as the kernel grants: what finds no room there would look like loss of the link."""
+_SECOND: Final = 1_000_000_000
+_UNKNOWN_TTL: Final = 255
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A datagram that came."""
+
+    datagram: bytes
+    at_ns: int
+    """On the steady clock; as the kernel stamped it, where it does."""
+    ttl: int = _UNKNOWN_TTL
+
+
+class DatagramTransport(Protocol):
+    """What a measurement needs of the network. Tests put a simulated network with a clock of its own here."""
+
+    headers: int
+    """Octets of the IP and UDP headers of each datagram."""
+
+    def now_ns(self) -> int:
+        """The steady clock."""
+
+    def unix_ns(self) -> int:
+        """The time since 1970, for the stamps on the wire: the steady clock, and a distance that does not change."""
+
+    def send(self, datagram: bytes) -> str:
+        """Hand over a datagram; the empty text, or why this computer did not take it."""
+
+    def receive(self, until_ns: int) -> Arrival | None:
+        """Wait for a datagram until this time; None: the time has come."""
+
+
+class UdpTransport:
+    """A UDP socket. `source` binds it to an address, `interface` to a device (root): no other link carries it then."""
+
+    def __init__(self, far_end: tuple[str, int], *, source: str | None = None, interface: str | None = None) -> None:
+        family = socket.AF_INET6 if ":" in far_end[0] else socket.AF_INET
+        self.headers = IPV6_HEADERS if family == socket.AF_INET6 else IPV4_HEADERS
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+        if family == socket.AF_INET6:
+            self._socket.setsockopt(socket.IPPROTO_IPV6, _IPV6_RECVHOPLIMIT, 1)
+            self._socket.setsockopt(socket.IPPROTO_IPV6, _IPV6_MTU_DISCOVER, _NO_FRAGMENTS)
+        else:
+            self._socket.setsockopt(socket.IPPROTO_IP, _IP_RECVTTL, 1)
+            self._socket.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _NO_FRAGMENTS)
+        if interface is not None:
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_BINDTODEVICE, interface.encode() + b"\0")
+        if source is not None:
+            self._socket.bind((source, 0))
+        self._socket.setblocking(False)
+        self._socket.connect(far_end)
+        self._to_unix = time.time_ns() - time.monotonic_ns()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._socket.close()
+
+    @property
+    def source(self) -> tuple[str, int]:
+        """Address and port that the packets of this socket bear."""
+        address, port = self._socket.getsockname()[:2]
+        return address, port
+
+    def now_ns(self) -> int:
+        """`time.monotonic_ns`."""
+        return time.monotonic_ns()
+
+    def unix_ns(self) -> int:
+        """By this computer's clock as it was when the socket was made: a step of it in a run changes nothing."""
+        return time.monotonic_ns() + self._to_unix
+
+    def send(self, datagram: bytes) -> str:
+        """As the protocol has it. A link that is down is an error of this computer."""
+        try:
+            self._socket.send(datagram)
+        except ConnectionRefusedError:  # for an earlier datagram: nobody listens there
+            return "" if self._again(datagram) else "refused"
+        except OSError as error:
+            return errno.errorcode.get(error.errno or 0, "error")
+        return ""
+
+    def _again(self, datagram: bytes) -> bool:
+        try:
+            self._socket.send(datagram)
+        except OSError:
+            return False
+        return True
+
+    def receive(self, until_ns: int) -> Arrival | None:
+        """As the protocol has it."""
+        while True:
+            wait = (until_ns - time.monotonic_ns()) / 1e9
+            if not select.select([self._socket], [], [], max(0.0, wait))[0]:
+                if wait <= 0:
+                    return None
+                continue
+            try:
+                datagram, extra, _, _ = self._socket.recvmsg(_LONGEST, 256)
+            except OSError:  # the ICMP error of an earlier datagram
+                continue
+            return self._arrival(datagram, extra)
+
+    @staticmethod
+    def _arrival(datagram: bytes, extra: list[tuple[int, int, bytes]]) -> Arrival:
+        now, age, ttl = time.monotonic_ns(), 0, _UNKNOWN_TTL
+        for level, kind, data in extra:
+            if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS):
+                seconds, ns = struct.unpack_from("ll", data)
+                age = time.time_ns() - (seconds * 1_000_000_000 + ns)
+            elif (level, kind) in {(socket.IPPROTO_IP, socket.IP_TTL), (socket.IPPROTO_IPV6, _IPV6_HOPLIMIT)}:
+                ttl = struct.unpack_from("i", data)[0]
+        # A clock that was put back or forward between the two readings is no age of a datagram.
+        return Arrival(datagram, now - age if 0 <= age < _SECOND else now, ttl)

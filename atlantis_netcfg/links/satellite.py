@@ -1,0 +1,336 @@
+"""The satellite link: what is declared of the terminal, what its names resolve to, and what probing has shown.
+
+The terminal of the pilot (Thales VesseLINK) has no documented interface: nobody has published a manual of one, an API,
+or code that speaks to it. So nothing here drives it, and no form of its pages is filled in from imagination. What a
+person has seen there is declared, with evidence; whether the allow-list holds is put to the test by probes from the
+router.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from ipaddress import AddressValueError, IPv4Address, IPv4Network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.status import BearerFinding
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+    from datetime import date
+
+_SHARED = (
+    (IPv4Network("100.64.0.0/10"), "the range for carriers' NAT, RFC 6598"),
+    (IPv4Network("10.0.0.0/8"), "a private range, RFC 1918"),
+    (IPv4Network("172.16.0.0/12"), "a private range, RFC 1918"),
+    (IPv4Network("192.168.0.0/16"), "a private range, RFC 1918"),
+)
+FACTORY_ADDRESSES = ("192.168.1.1",)
+"""Where terminals answer that nobody has set up: as technicians report it, and Teltonika's default as well."""
+
+
+def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tuple[BearerFinding, ...]:
+    """Say that the network has given the link an address behind its own NAT; what is not readable is not judged.
+
+    `address`: of the SIM or the terminal towards the network, as a reader or the declared evidence gives it.
+    `forwards`: whether ports of the site's outer addresses are declared to lead inside.
+    """
+    try:
+        found = None if address is None else IPv4Address(address)
+    except AddressValueError:
+        return ()
+    why = next((words for network, words in _SHARED if found is not None and found in network), None)
+    if why is None:
+        return ()
+    message = f"`{bearer}` is behind its carrier's NAT: it has {address} ({why}), so nothing reaches the site over it"
+    if forwards:
+        hint = "the forwarded ports of this router stay closed on this link: ask the provider for a public address"
+        return (BearerFinding(Verdict.FAIL, "carrier-nat-closes-forwards", message, hint),)
+    hint = "nothing to do: the VPN is started from the site; a public address would have to be ordered"
+    return (BearerFinding(Verdict.WARN, "carrier-nat", message, hint),)
+
+
+def judge_factory_address(
+    host: str, port: str, declared: str, *, answers: bool, answers_at_factory: str | None
+) -> tuple[BearerFinding, ...]:
+    """Compare where a box should answer on a port with where it does (ARP, which costs no airtime).
+
+    `answers_at_factory`: the factory address at which something answers on that port, None if nothing does.
+    """
+    if answers_at_factory is None or answers_at_factory == declared:
+        if answers:
+            return ()
+        message = f"`{host}` does not answer at {declared} on {port}, nor where its factory puts it"
+        hint = "is it powered and plugged into that port? A terminal takes minutes to start"
+        return (BearerFinding(Verdict.INCONCLUSIVE, "box-silent", message, hint),)
+    if answers:
+        message = f"on {port} `{host}` answers at {declared}, and something else at {answers_at_factory}"
+        return (BearerFinding(Verdict.WARN, "factory-address-answers", message, "what else is plugged in there?"),)
+    message = f"`{host}` is in the wrong subnet: on {port} it answers at {answers_at_factory}, declared is {declared}"
+    hint = f"set {declared} on its own page ({answers_at_factory} from a laptop), or declare the network that it has"
+    return (BearerFinding(Verdict.FAIL, "box-in-wrong-subnet", message, hint),)
+
+
+STALE_AFTER_DAYS = 180
+"""A campaign's length, by our own judgement: no source says how often a terminal's settings change by themselves."""
+
+
+@dataclass(frozen=True, slots=True)
+class SatelliteEvidence:
+    """One look at the terminal, as the inventory declares it."""
+
+    firmware: str
+    allow_list: bool
+    """Whether its own filter holds the declared destinations and nothing else."""
+    by: str
+    seen_on: date
+    backup_file: str | None = None
+    backup_sha256: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Backup:
+    """A backup that the terminal has exported, as it lies on this computer."""
+
+    path: str
+    """As a person would type it."""
+    sha256: str
+
+
+def judge_evidence(
+    name: str, evidence: SatelliteEvidence | None, backup: Backup | None, confirmed_firmware: str | None, today: date
+) -> tuple[BearerFinding, ...]:
+    """Everything that is to be said of a terminal's evidence; empty: it is complete, young and good.
+
+    `backup`: the file that was found, None if there is none; `confirmed_firmware`: what the evidence said when a run
+    last recorded it, None before the first one.
+    """
+    if evidence is None:
+        return (
+            BearerFinding(
+                Verdict.WARN,
+                "terminal-not-looked-at",
+                f"nobody has looked at the terminal {name}: its firmware and its own allow-list are unknown",
+                f"open its pages, then write what they show under `evidence:` in host_vars/{name}.yml",
+            ),
+        )
+    return (
+        *_age(name, evidence, today),
+        *_filter(name, evidence),
+        *_backup(name, evidence, backup),
+        *_firmware(name, evidence, confirmed_firmware),
+    )
+
+
+def _age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[BearerFinding]:
+    days = (today - evidence.seen_on).days
+    seen = f"{evidence.by} looked at the terminal {name} on {evidence.seen_on.isoformat()}"
+    if days > STALE_AFTER_DAYS:
+        hint = f"look again, and write who and when under `evidence:` in host_vars/{name}.yml"
+        yield BearerFinding(Verdict.WARN, "terminal-evidence-old", f"{seen}, {days} days ago", hint)
+    elif days < 0:
+        hint = f"correct `seen_on:` in host_vars/{name}.yml, or this computer's clock"
+        yield BearerFinding(
+            Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", f"{seen}, which is yet to come", hint
+        )
+
+
+def _filter(name: str, evidence: SatelliteEvidence) -> Iterator[BearerFinding]:
+    if not evidence.allow_list:
+        message = (
+            f"the terminal {name} has no allow-list of its own, or another one: only the router limits what it sends"
+        )
+        hint = "enter the declared destinations on the terminal's page; `provision prove site=…` lists and tries them"
+        yield BearerFinding(Verdict.WARN, "terminal-without-allow-list", message, hint)
+
+
+def _backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> Iterator[BearerFinding]:
+    declared = evidence.backup_sha256
+    if declared is None:
+        message = f"no backup of the terminal {name} is declared, so a changed setting would not be noticed"
+        hint = "export one on its page and write `backup_file:` and `backup_sha256:` (sha256sum FILE)"
+        yield BearerFinding(Verdict.WARN, "terminal-without-backup", message, hint)
+    elif backup is None:
+        message = f"the backup of the terminal {name} that is declared is not on this computer"
+        file = evidence.backup_file or "the file"
+        hint = f"put {file} into inventory/evidence/, or name it: `provision prove site=… backup=FILE`"
+        yield BearerFinding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
+    elif backup.sha256 != declared:
+        message = (
+            f"the backup {backup.path} of the terminal {name} is not the declared one: SHA-256 {backup.sha256[:16]}…, "
+            f"declared {declared[:16]}…"
+        )
+        hint = "its settings have changed, or the file is another one: look at its pages, then declare what is right"
+        yield BearerFinding(Verdict.FAIL, "terminal-backup-differs", message, hint)
+
+
+def _firmware(name: str, evidence: SatelliteEvidence, confirmed: str | None) -> Iterator[BearerFinding]:
+    if confirmed is not None and confirmed != evidence.firmware:
+        message = (
+            f"the terminal {name} had firmware {confirmed} when a run last recorded it, and has {evidence.firmware}"
+        )
+        hint = "a new firmware may have other defaults: look at its allow-list again, and prove it"
+        yield BearerFinding(Verdict.WARN, "terminal-firmware-changed", message, hint)
+
+
+@dataclass(frozen=True, slots=True)
+class NamedTarget:
+    """An entry of an allow-list that has a name."""
+
+    what: str
+    """What it is for: `VPN server`."""
+    dns_name: str
+    address: str
+    """As declared."""
+    where: str
+    """Where that is written, for the hint: `pilot.vpn in group_vars/all/pilot.yml`."""
+
+
+def judge_names(
+    targets: Iterable[NamedTarget], resolved: Mapping[str, frozenset[str] | None], by: str
+) -> tuple[BearerFinding, ...]:
+    """Compare declared addresses with what names resolve to; `by` says who was asked: `this computer`, `the router`.
+
+    `resolved` holds the IPv4 addresses of each name, an empty set for a name that does not exist, None for a name that
+    could not be asked about: that is silence, and proves nothing.
+    """
+    return tuple(finding for target in targets for finding in _judge(target, resolved.get(target.dns_name), by))
+
+
+def _judge(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[BearerFinding]:
+    name = f"{target.dns_name} ({target.what})"
+    if addresses is None:
+        message = f"{by} could not ask for {name}: whether it is still {target.address} is not known"
+        yield BearerFinding(Verdict.INCONCLUSIVE, "allow-list-name-not-asked", message, "ask again where DNS answers")
+    elif not addresses:
+        message = f"{by} knows no address of {name}; the allow-list admits {target.address}"
+        hint = f"correct `dns_name`, or the name itself ({target.where})"
+        yield BearerFinding(Verdict.WARN, "allow-list-name-unknown", message, hint)
+    elif target.address not in addresses:
+        found = ", ".join(sorted(addresses))
+        message = f"{name} has moved: {by} resolves it to {found}, the allow-list admits {target.address}"
+        hint = f"declare the right address ({target.where}) and provision the site before it is left with its satellite"
+        yield BearerFinding(Verdict.FAIL, "allow-list-name-moved", message, hint)
+    elif len(addresses) > 1:
+        others = ", ".join(sorted(addresses - {target.address}))
+        message = f"{name} has more addresses than the allow-list admits: {target.address}, but also {others}"
+        hint = "whoever takes one of the others over the satellite is dropped: add them to `allow:` if they are meant"
+        yield BearerFinding(Verdict.WARN, "allow-list-name-has-more", message, hint)
+
+
+WINDOW_S = 90.0
+"""The shortest time of silence after which something counts as not reached."""
+
+
+class Expected(StrEnum):
+    """What the declaration says of a target."""
+
+    REACHED = "reached"
+    REFUSED = "refused"
+
+
+class ProbeOutcome(StrEnum):
+    """What was seen."""
+
+    ANSWERED = "answered"
+    SILENT = "silent"
+    """Nothing came back within the window."""
+    REFUSED_HERE = "refused here"
+    """The router itself refused the packet, so that nothing was sent."""
+    NOT_TRIED = "not tried"
+    """There is no way to ask this target from the router; `note` says why."""
+
+
+class SatelliteProbe(StrEnum):
+    """How a target was tried."""
+
+    ICMP = "icmp"
+    TCP = "tcp"
+    UDP_COUNTER = "udp, answers counted by the filter"
+    TUNNEL = "openvpn, answers counted by the filter"
+    """While the tunnel is down its client asks again and again, so that here silence does count."""
+    TIME = "ntp, answers counted by the filter"
+    """The time client was made to ask; its server answers everybody, so that here silence does count."""
+    VPN = "openvpn, asked by this computer"
+    """The first packet of a session, led over the link; its server answers every member, so that silence counts."""
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One target, tried once."""
+
+    name: str
+    target: str
+    """As a person would say it: `203.0.113.2 udp 1194`."""
+    expected: Expected
+    probe: SatelliteProbe
+    outcome: ProbeOutcome
+    after_s: float | None = None
+    """Until the first answer."""
+    window_s: float = 0.0
+    """How long it was tried."""
+    filter_open: bool = False
+    """Whether the router's filter was opened for this target, so that the terminal alone decided."""
+    note: str = ""
+    hint: str = ""
+    """What makes a way, where it was not tried."""
+
+
+def judge_attempt(attempt: Attempt, *, link_seen: bool) -> BearerFinding:
+    """Judge one attempt: PASS, FAIL, or INCONCLUSIVE where silence or a missing way proves nothing.
+
+    `link_seen`: something was reached over the satellite in the same run; over a dead link everything looks refused.
+    """
+    if attempt.outcome is ProbeOutcome.NOT_TRIED:
+        message = f"{attempt.name} ({attempt.target}) could not be tried: {attempt.note}"
+        return BearerFinding(Verdict.INCONCLUSIVE, "not-tried", message, attempt.hint or None)
+    if attempt.expected is Expected.REACHED:
+        return _reached(attempt)
+    if attempt.outcome is ProbeOutcome.SILENT and not link_seen:
+        message = f"{attempt.name} ({attempt.target}) did not answer, but nothing else was reached over the satellite"
+        return BearerFinding(
+            Verdict.INCONCLUSIVE, "link-not-seen", message, "is the terminal connected? Then try again"
+        )
+    return _refused(attempt)
+
+
+def _reached(attempt: Attempt) -> BearerFinding:
+    who = f"{attempt.name} ({attempt.target})"
+    if attempt.outcome is ProbeOutcome.ANSWERED:
+        after = "" if attempt.after_s is None else f" after {attempt.after_s:.0f} s"
+        return BearerFinding(Verdict.PASS, "reached", f"{who} was reached{after} over the satellite")
+    if attempt.outcome is ProbeOutcome.REFUSED_HERE:
+        hint = "provision the site first: its filter is not the declared one"
+        return BearerFinding(
+            Verdict.FAIL, "refused-by-the-router", f"{who} is allowed, and the router refuses it", hint
+        )
+    if attempt.window_s < WINDOW_S or attempt.probe is SatelliteProbe.UDP_COUNTER:
+        why = attempt.note or f"{attempt.window_s:.0f} s of silence are an ordinary gap of this link"
+        return BearerFinding(
+            Verdict.INCONCLUSIVE, "silent", f"{who} did not answer: {why}", "try again later, or longer"
+        )
+    message = f"{who} did not answer in {attempt.window_s:.0f} s over the satellite"
+    hint = "is the terminal connected, and does its own allow-list hold this target?"
+    return BearerFinding(Verdict.FAIL, "not-reached", message, hint)
+
+
+def _refused(attempt: Attempt) -> BearerFinding:
+    who = f"{attempt.name} ({attempt.target})"
+    if attempt.outcome is ProbeOutcome.ANSWERED:
+        if attempt.filter_open:
+            message = f"{who} was reached with the router's filter open: only the router enforces the allow-list"
+            hint = "enter the declared destinations on the terminal's page"
+            return BearerFinding(Verdict.WARN, "only-the-router-enforces", message, hint)
+        hint = "`provision site=…` brings the filter back; `provision drift site=…` first tells what has changed"
+        return BearerFinding(Verdict.FAIL, "leak", f"{who} is not allowed, and was reached over the satellite", hint)
+    if attempt.outcome is ProbeOutcome.REFUSED_HERE:
+        return BearerFinding(Verdict.PASS, "refused", f"{who} is refused by the router, nothing was sent")
+    if attempt.filter_open and attempt.window_s < WINDOW_S:
+        message = f"{who} did not answer in {attempt.window_s:.0f} s: too short to tell a refusal from a gap"
+        return BearerFinding(Verdict.INCONCLUSIVE, "silent", message, "try again with a longer window")
+    if attempt.filter_open:
+        message = f"{who} did not answer in {attempt.window_s:.0f} s with the router's filter open"
+        return BearerFinding(Verdict.PASS, "refused-beyond", f"{message}: the terminal or the network refuses it")
+    return BearerFinding(Verdict.PASS, "refused", f"{who} was not reached in {attempt.window_s:.0f} s")

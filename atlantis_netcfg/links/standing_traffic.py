@@ -1,0 +1,394 @@
+"""Standing traffic: what a link carries by itself, without a run and without a person, in bytes and money.
+
+Canaries, time servers, the keep-alives and renegotiations of the VPN, the announcements of DDS, telemetry. Each is a
+`StandingFlow` in bytes a day as they cross the link, with all headers, those of the VPN too. Here is the arithmetic
+alone; `operations.standing` fills it from the declaration and from what is rendered of it. Nothing here does I/O.
+
+The sizes are measured, and `tests/integration/dds` (`test_standing_bytes.py`, `test_topic_bytes.py`) holds them against
+a real OpenVPN and real participants. Not in any figure: how the tunnel comes up, answers of ARP, what people do, and a
+link that loses packets.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from math import ceil
+from typing import TYPE_CHECKING, Final, Protocol
+
+from atlantis_netcfg.core.packets import ECHO_BYTES
+from atlantis_netcfg.links.cost import Bill, MeteredLink, bill, size
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+DAY_S: Final = 24 * 3600
+MONTH_DAYS: Final = 30
+NTP_BYTES: Final = 76
+"""A question to a time server, and its answer: 48 of NTP, 28 of UDP and IP."""
+PING_BYTES: Final = 68
+"""A keep-alive of OpenVPN over UDP: 16 of its own, 24 of the VPN, 28 of UDP and IP (facts/vpn.md, section 9)."""
+RENEGOTIATION_BYTES: Final = 5_000
+"""New keys of a session, both directions together (facts/vpn.md, section 9)."""
+UDP_IP: Final = 28
+_ICMP_ERROR = 28
+"""Headers of IP and ICMP before what is refused, which is quoted whole."""
+_ICMP_AT_ONCE = 6
+_FRAGMENT = 12
+"""A part of a sample has a longer header than a whole one (DDSI-RTPS 2.5, 9.4.5)."""
+
+
+class TrafficSource(StrEnum):
+    """What the traffic comes from, in the words of `provision links`."""
+
+    CANARIES = "canaries"
+    TIME = "time"
+    VPN = "VPN"
+    DDS = "DDS"
+    TELEMETRY = "telemetry"
+
+
+@dataclass(frozen=True, slots=True)
+class StandingFlow:
+    """Traffic of one source, in bytes a day."""
+
+    source: TrafficSource
+    up: float
+    """From the site."""
+    down: float
+    """To the site."""
+    always: bool = False
+    """It goes over this link also while another one carries the traffic."""
+
+    @property
+    def both(self) -> float:
+        """Both directions together, as providers count."""
+        return self.up + self.down
+
+    def mirrored(self) -> StandingFlow:
+        """The same at the other end."""
+        return replace(self, up=self.down, down=self.up, always=False)
+
+
+@dataclass(frozen=True, slots=True)
+class VpnHeaders:
+    """What the VPN adds to each packet that it carries."""
+
+    bytes: int
+
+    @classmethod
+    def of(cls, transport: str) -> VpnHeaders:
+        """UDP: 24 of OpenVPN's data channel with AES-GCM, 28 of UDP and IP. TCP: its length and longer headers."""
+        return cls(52 if transport == "udp" else 78)
+
+
+NO_VPN: Final = VpnHeaders(0)
+
+
+def canaries(number: int, interval_s: float) -> StandingFlow:
+    """Pings to so many addresses every `interval_s` seconds, and their answers."""
+    each = _a_day(interval_s) * number * ECHO_BYTES
+    return StandingFlow(TrafficSource.CANARIES, each, each, always=True)
+
+
+def time_questions(servers: int, interval_s: float) -> StandingFlow:
+    """What a client of NTP asks so many servers, and their answers."""
+    each = _a_day(interval_s) * servers * NTP_BYTES
+    return StandingFlow(TrafficSource.TIME, each, each)
+
+
+def keep_alive(
+    ping_s: float, renegotiation_s: float, busy_up_s: float | None, busy_down_s: float | None
+) -> StandingFlow:
+    """What a tunnel of OpenVPN says to stay up.
+
+    An end sends its ping when it has sent nothing for `ping_s`. `busy_*_s`: how often something goes through the tunnel
+    in a direction anyway; None: nothing does. Where that is more often than the ping, no ping is ever sent.
+    """
+    renewed = _a_day(renegotiation_s) * RENEGOTIATION_BYTES / 2
+
+    def pings(busy_s: float | None) -> float:
+        return _a_day(ping_s) * PING_BYTES if busy_s is None or busy_s >= ping_s else 0.0
+
+    return StandingFlow(TrafficSource.VPN, pings(busy_up_s) + renewed, pings(busy_down_s) + renewed)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkPace:
+    """How quick a link is, as far as reliable topics depend on it."""
+
+    rtt_s: float
+    """Round trip to the subscriber without load."""
+    up_bps: float
+    """From the site."""
+
+    def sends_in_s(self, nbytes: float) -> float:
+        """Seconds that so many bytes take to leave the site."""
+        return nbytes * 8 / self.up_bps
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyTopic:
+    """A topic at a steady rate."""
+
+    rate_hz: float
+    size_bytes: int
+    """Of one message, serialised."""
+    reliable: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class MessageCost:
+    """What one message of a topic, and all that goes with it, is on the link in the mean, to one subscriber."""
+
+    fragments: int
+    """Datagrams that the message itself needs."""
+    bytes_up: float
+    packets_up: float
+    bytes_down: float = 0.0
+    packets_down: float = 0.0
+
+
+class Reliability(Protocol):
+    """How an implementation of DDS sees to it that a reliable topic arrives: heartbeats, and acknowledgements."""
+
+    def cost(self, topic: SteadyTopic, message: MessageCost, pace: LinkPace, vpn: VpnHeaders) -> MessageCost:
+        """A message of a reliable topic, `message` being the same of a topic that is not."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeartbeatsUntilAcknowledged:
+    """Cyclone DDS: a heartbeat in each message, and alone every so often until it is acknowledged; each is answered.
+
+    So a link with a long round trip carries more of them, in both directions. Fragments that wait behind other traffic
+    for longer than 0.1 s are asked for again; that is not in it.
+    """
+
+    heartbeat: int = 32
+    """In the datagram of a message, the last one where there are more."""
+    fragment_heartbeat: int = 28
+    """In each of the others."""
+    alone: int = 80
+    """A heartbeat as a packet of its own."""
+    acknowledgement: int = 92
+    every_s: float = 0.1
+    """`HeartbeatInterval`, and its default."""
+
+    def cost(self, topic: SteadyTopic, message: MessageCost, pace: LinkPace, vpn: VpnHeaders) -> MessageCost:
+        """Where the next message comes before the acknowledgement, there is always one that waits for it."""
+        waits_s = min(pace.rtt_s + pace.sends_in_s(message.bytes_up), 1 / topic.rate_hz)
+        heartbeats = max(1.0, waits_s / self.every_s)
+        inside = self.heartbeat + (message.fragments - 1) * self.fragment_heartbeat
+        return MessageCost(
+            message.fragments,
+            message.bytes_up + inside + (heartbeats - 1) * (self.alone + vpn.bytes),
+            message.packets_up + heartbeats - 1,
+            heartbeats * (self.acknowledgement + vpn.bytes),
+            heartbeats,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class HeartbeatsNowAndThen:
+    """Fast DDS: a heartbeat every few seconds, and one whenever so much has been sent since the last one.
+
+    A message that is larger than that has one in each fragment. On a link on which a fragment takes longer than the
+    subscriber waits before it answers, each answer asks again for all fragments that have not come yet, and they are
+    sent again: n fragments become up to n (n + 1) / 2, which is taken. At 352 kbit/s 3 fragments became 4 to 6, 6
+    became 14 to 21 and 10 became 54; at 10 Mbit/s none was sent again.
+    """
+
+    heartbeat: int = 32
+    """In the datagram of a message."""
+    alone: int = 156
+    """A heartbeat as a packet of its own."""
+    acknowledgement: int = 152
+    every_s: float = 3.0
+    """Between two that go alone, while something is not acknowledged."""
+    after_bytes: int = 4800
+    """Of messages, from which on one goes with the next of them."""
+    history: int = 10
+    """So many messages that are not acknowledged fill the history of a topic: the next one has a heartbeat."""
+    answered_after_s: float = 0.005
+    """`heartbeatResponseDelay`, and its default."""
+    answered: float = 0.9
+    """Share of the heartbeats that have an answer where fragments are sent again."""
+
+    def cost(self, topic: SteadyTopic, message: MessageCost, pace: LinkPace, vpn: VpnHeaders) -> MessageCost:
+        """A message that goes in fragments is answered once, where all of them come before the answer."""
+        alone = min(1.0, 1 / (self.every_s * topic.rate_hz))
+        repeats = self._repeats(message, pace)
+        packets = message.packets_up * repeats
+        if repeats > 1:
+            heartbeats, answers = packets, packets * self.answered
+        elif topic.size_bytes > self.after_bytes:
+            heartbeats, answers = packets, 1.0
+        else:
+            heartbeats = answers = max(topic.size_bytes / self.after_bytes, self._of_history(topic, pace))
+        return MessageCost(
+            message.fragments,
+            message.bytes_up * repeats + heartbeats * self.heartbeat + alone * (self.alone + vpn.bytes),
+            packets + alone,
+            (answers + alone) * (self.acknowledgement + vpn.bytes),
+            answers + alone,
+        )
+
+    def _repeats(self, message: MessageCost, pace: LinkPace) -> float:
+        """How often each fragment goes, in the mean."""
+        slow = pace.sends_in_s(message.bytes_up / message.fragments) > self.answered_after_s
+        return (message.fragments + 1) / 2 if slow else 1.0
+
+    def _of_history(self, topic: SteadyTopic, pace: LinkPace) -> float:
+        """Share of the messages that find the history full: from then on each, until the answer has come."""
+        if topic.rate_hz * self.every_s <= self.history:
+            return 0.0
+        waiting = 1 + topic.rate_hz * pace.rtt_s
+        return waiting / (self.history + waiting)
+
+
+@dataclass(frozen=True, slots=True)
+class DdsSizes:
+    """What an implementation of DDS sends, in bytes as IP packets."""
+
+    announcement: int
+    """A participant's announcement to one port of one peer."""
+    repeated: bool
+    """To a participant that is known already it goes a second time."""
+    sample_head: int
+    """Of a message with one sample that fits into it, UDP and IP included."""
+    reliability: Reliability
+
+
+@dataclass(frozen=True, slots=True)
+class Announcing:
+    """How a computer's DDS processes keep themselves known, as its profile sets it."""
+
+    processes: int
+    """That run, on each computer."""
+    ports: int
+    """To so many ports of each peer a process sends its announcement, whether or not somebody listens there."""
+    every_s: float
+    sizes: DdsSizes
+
+    def sent(self, peers: int, vpn: VpnHeaders) -> float:
+        """Bytes a day on the link, to so many peers."""
+        packets = self.processes * (self.ports + self.processes * self.sizes.repeated) * _a_day(self.every_s)
+        return peers * packets * (self.sizes.announcement + vpn.bytes)
+
+    def refused(self, peers: int, vpn: VpnHeaders) -> float:
+        """Bytes a day that come back from the ports where nobody listens, as ICMP errors of the peers' kernels.
+
+        Linux sends one a second to each address, and six at once after a pause (icmp(7), `icmp_ratelimit`).
+        """
+        closed = max(0, self.ports - self.processes)
+        a_day = min(DAY_S, self.processes * min(_ICMP_AT_ONCE, closed) * _a_day(self.every_s))
+        return peers * a_day * (self.sizes.announcement + _ICMP_ERROR + vpn.bytes)
+
+
+@dataclass(frozen=True, slots=True)
+class DdsMessages:
+    """How a computer's profile lets DDS cut messages, and what goes around them."""
+
+    message_bytes: int
+    """The largest UDP payload."""
+    fragment_bytes: int
+    """Of a sample that is larger."""
+    sizes: DdsSizes
+    vpn: VpnHeaders
+
+    def cost(self, topic: SteadyTopic, pace: LinkPace) -> MessageCost:
+        """One message on the link: a sample that does not fit into a datagram goes in fragments."""
+        padded = ceil(topic.size_bytes / 4) * 4
+        head, fragments = self.sizes.sample_head + self.vpn.bytes, 1
+        if self.sizes.sample_head - UDP_IP + padded > self.message_bytes:
+            head, fragments = head + _FRAGMENT, ceil(topic.size_bytes / self.fragment_bytes)
+        message = MessageCost(fragments, fragments * head + padded, fragments)
+        return self.sizes.reliability.cost(topic, message, pace, self.vpn) if topic.reliable else message
+
+
+def published(topics: Iterable[tuple[float, MessageCost]], subscribers: int) -> StandingFlow:
+    """Topics, each by its rate in Hz and the cost of a message; every subscriber gets a copy of its own."""
+    up = down = 0.0
+    for rate_hz, cost in topics:
+        up += rate_hz * cost.bytes_up * subscribers * DAY_S
+        down += rate_hz * cost.bytes_down * subscribers * DAY_S
+    return StandingFlow(TrafficSource.TELEMETRY, up, down)
+
+
+@dataclass(frozen=True, slots=True)
+class StandingTraffic:
+    """What one bearer carries by itself while the traffic of the site goes over it."""
+
+    link: MeteredLink
+    flows: tuple[StandingFlow, ...]
+    """Of each source one, in the order of `TrafficSource`."""
+    pace: str = ""
+    """How its canaries keep to their budget, where they have one."""
+
+    @property
+    def day_bytes(self) -> int:
+        """Both directions, in 24 hours."""
+        return round(sum(flow.both for flow in self.flows))
+
+    @property
+    def month_bytes(self) -> int:
+        """Both directions, in 30 days."""
+        return MONTH_DAYS * self.day_bytes
+
+    @property
+    def idle_day_bytes(self) -> int:
+        """What it carries a day while another bearer has the traffic."""
+        return round(sum(flow.both for flow in self.flows if flow.always))
+
+    @property
+    def bill(self) -> Bill:
+        """Of a month, as one session that never ends."""
+        return bill(self.month_bytes, MONTH_DAYS * DAY_S, self.link.tariff if self.link.metered else None)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What a person reads, a line each: `39.5 MB a day, 1186.2 MB a month …`."""
+        parts = ", ".join(f"{flow.source} {size(round(flow.both))}" for flow in self.flows)
+        price = f": {self.bill.money}" if self.link.metered else ""
+        lines = [f"{size(self.day_bytes)} a day, {size(self.month_bytes)} a month while it carries the traffic{price}"]
+        if self.flows:
+            lines.append(f"of a day: {parts}")
+        if self.pace:
+            lines.append(self.pace)
+        if self.bill.billed_bytes > self.month_bytes:
+            lines.append(f"a month is billed as {size(self.bill.billed_bytes)}, {self.bill.basis}")
+        if self.idle_day_bytes:
+            lines.append(f"{size(self.idle_day_bytes)} a day while another link carries the traffic")
+        return tuple(lines)
+
+    def only(self, source: TrafficSource) -> StandingTraffic:
+        """The part of one source."""
+        return replace(self, flows=tuple(flow for flow in self.flows if flow.source is source))
+
+    def as_dict(self) -> Mapping[str, object]:
+        """As JSON-able data."""
+        return {
+            "day_bytes": self.day_bytes,
+            "month_bytes": self.month_bytes,
+            "idle_day_bytes": self.idle_day_bytes,
+            "flows": [
+                {"source": flow.source.value, "up_day_bytes": round(flow.up), "down_day_bytes": round(flow.down)}
+                for flow in self.flows
+            ],
+            "bill_month": dict(self.bill.as_dict()) if self.link.metered else None,
+            "words": list(self.words),
+        }
+
+
+def added_up(flows: Iterable[StandingFlow]) -> tuple[StandingFlow, ...]:
+    """One flow a source, in the order of `TrafficSource`; sources without a byte are left out."""
+    sums: dict[TrafficSource, StandingFlow] = {}
+    for flow in flows:
+        before = sums.get(flow.source, StandingFlow(flow.source, 0, 0, flow.always))
+        always = before.always and flow.always
+        sums[flow.source] = StandingFlow(flow.source, before.up + flow.up, before.down + flow.down, always)
+    return tuple(sums[source] for source in TrafficSource if source in sums and sums[source].both)
+
+
+def _a_day(interval_s: float) -> float:
+    return DAY_S / interval_s

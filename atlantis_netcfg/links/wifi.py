@@ -1,0 +1,397 @@
+"""The Wi-Fi bridge: what both families of RouterOS' radio menus say, in one record, and what is wrong in words."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.status import (
+    BearerFinding,
+    LinkState,
+    Quality,
+    Query,
+    decibels,
+    megabits,
+    percent,
+    seconds,
+    whole,
+    yes,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+
+class Family(StrEnum):
+    """RouterOS' two families of radio menus; the value is the menu under `/interface`."""
+
+    WIRELESS = "wireless"
+    """Package `wireless`: nv2, nstreme, 802.11; has CCQ."""
+    WIFI = "wifi"
+    """Packages `wifi-qcom` and `wifi-qcom-ac`; no CCQ, no noise floor."""
+
+
+class WifiCondition(StrEnum):
+    """What the radio does; a word that nobody knows is `unknown`, never a failure."""
+
+    RUNNING = "running"
+    """An access point on the air, whether or not anybody is registered."""
+    CONNECTED = "connected"
+    """A station in the cell of an access point."""
+    SEARCHING = "searching"
+    RADAR = "radar"
+    """It listens for radar before it may send."""
+    DISABLED = "disabled"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WifiPeer:
+    """Who is registered, and how the two hear each other: a row of the registration table."""
+
+    mac: str | None = None
+    """Upper case."""
+    radio_name: str | None = None
+    """The family `wireless` only."""
+    signal_dbm: float | None = None
+    """How this end hears the other."""
+    tx_signal_dbm: float | None = None
+    """How the other end says that it hears this one."""
+    chains_dbm: tuple[float | None, ...] = ()
+    """`signal_dbm` of each chain of the receiver, the first one first."""
+    snr_db: float | None = None
+    tx_rate_mbps: float | None = None
+    """Of the latest frame: on an idle link that may be a frame of management at the lowest rate."""
+    rx_rate_mbps: float | None = None
+    tx_ccq_percent: float | None = None
+    rx_ccq_percent: float | None = None
+    uptime_s: float | None = None
+    authorised: bool | None = None
+    """Whether the key was right; None: not said."""
+
+    @property
+    def imbalance_db(self) -> float | None:
+        """Between the best and the worst chain; None with fewer than two."""
+        levels = [level for level in self.chains_dbm if level is not None]
+        return max(levels) - min(levels) if len(levels) > 1 else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WifiReading:
+    """What a radio said at one moment."""
+
+    family: Family
+    condition: WifiCondition = WifiCondition.UNKNOWN
+    status: str | None = None
+    """The device's own word."""
+    channel: str | None = None
+    """As the device writes it: `5500/20/an`."""
+    channel_mhz: int | None = None
+    wait_left_s: float | None = None
+    """Until the radar wait ends, where the device says so."""
+    overall_ccq_percent: float | None = None
+    """Of an access point in the family `wireless`: of all its clients together."""
+    peers: tuple[WifiPeer, ...] = ()
+    associated: bool | None = None
+    """Whether somebody is registered; None: it cannot be told."""
+
+
+IMBALANCE_DB = 6.0
+LOW_CCQ_PERCENT = 60.0
+LOW_RATE_MBPS = 13.0
+"""Below it a link of 20 MHz uses its two most robust modulations only (IEEE 802.11n, MCS 0 and 1 with one stream)."""
+_LONG_RADAR_WAIT_MHZ = (5600, 5650)
+"""Weather radar: ETSI EN 301 893 wants 10 minutes of listening there, and 1 minute elsewhere."""
+_HALF_CHANNEL_MHZ = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WifiExpected:
+    """What the declaration says of this end."""
+
+    peer: str
+    """The inventory's name of the other end."""
+    peer_macs: frozenset[str] = frozenset()
+    """Of the other end's radio, upper case; empty if nobody knows."""
+    peer_radio_name: str | None = None
+    access_point: bool
+    ssid: str
+    protocol: str
+    """802.11, nstreme or nv2."""
+    frequency_mhz: int
+    width_mhz: int = 20
+    weakest_dbm: float = -75.0
+    strongest_dbm: float = -35.0
+
+
+def judge(reading: WifiReading, expected: WifiExpected) -> tuple[BearerFinding, ...]:
+    """Everything that is wrong or worth knowing; empty if the bridge is as declared and well heard."""
+    if reading.associated:
+        return tuple(_association(reading, expected))
+    return (_apart(reading, expected),)
+
+
+def link_state(reading: WifiReading) -> LinkState:
+    """What the radio itself says of its link; no probe has been sent."""
+    if reading.associated is None:
+        return LinkState.SEARCHING if reading.condition is WifiCondition.RADAR else LinkState.UNKNOWN
+    if reading.associated:
+        refused = bool(reading.peers) and all(peer.authorised is False for peer in reading.peers)
+        return LinkState.DOWN if refused else LinkState.UP
+    waiting = {WifiCondition.SEARCHING, WifiCondition.RADAR, WifiCondition.RUNNING}
+    return LinkState.SEARCHING if reading.condition in waiting else LinkState.DOWN
+
+
+def quality(reading: WifiReading, expected: WifiExpected | None = None) -> Quality:
+    """The readings of a `BearerStatus`, of the declared peer if it is registered, else of the first one."""
+    peer = _declared_peer(reading, expected)
+    result: Quality = {"status": reading.status, "channel": reading.channel}
+    names = ("signal_dbm", "tx_signal_dbm", "snr_db", "tx_rate_mbps", "rx_rate_mbps", "tx_ccq_percent")
+    for name in (*names, "rx_ccq_percent", "uptime_s"):
+        result[name] = None if peer is None else getattr(peer, name)
+    for number, level in enumerate(peer.chains_dbm if peer is not None else ()):
+        result[f"signal_chain{number}_dbm"] = level
+    result["peer"] = None if peer is None else peer.radio_name or peer.mac
+    return result
+
+
+def _declared_peer(reading: WifiReading, expected: WifiExpected | None) -> WifiPeer | None:
+    ours = [peer for peer in reading.peers if expected is not None and _is_declared(peer, expected)]
+    return next(iter((*ours, *reading.peers)), None)
+
+
+def _is_declared(peer: WifiPeer, expected: WifiExpected) -> bool | None:
+    """Tell whether this is the declared peer; None where nothing is known by which to tell."""
+    if expected.peer_macs and peer.mac is not None:
+        return peer.mac in expected.peer_macs
+    if expected.peer_radio_name is not None and peer.radio_name is not None:
+        return peer.radio_name == expected.peer_radio_name
+    return None
+
+
+def _apart(reading: WifiReading, expected: WifiExpected) -> BearerFinding:
+    """Why nobody is registered."""
+    if reading.condition is WifiCondition.DISABLED:
+        hint = "run the site to enable it, or look who has disabled it"
+        return BearerFinding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
+    if reading.condition is WifiCondition.RADAR:
+        return _radar(reading, expected)
+    if reading.associated is None:
+        status = f"`{reading.status}`" if reading.status else "nothing"
+        message = f"it cannot be told whether {expected.peer} is registered: the radio's state is {status}"
+        hint = "look at the radio's own status page, or ask again in a minute"
+        return BearerFinding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
+    if expected.access_point:
+        message = f"the access point is on the air, but {expected.peer} is not registered"
+        hint = (
+            f"has {expected.peer} power, and does it point here? Then compare SSID, key, protocol and channel at both"
+            " ends; after a radar event it may take ten minutes"
+        )
+        return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
+    message = f"the station searches for `{expected.ssid}` of {expected.peer} and does not find it"
+    hint = (
+        f"is {expected.peer} on, or does it wait for radar? Then align the antennas, and compare SSID, key,"
+        f" protocol ({expected.protocol}) and channel ({expected.frequency_mhz} MHz) at both ends"
+    )
+    return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
+
+
+def _radar(reading: WifiReading, expected: WifiExpected) -> BearerFinding:
+    low, high = _LONG_RADAR_WAIT_MHZ
+    channel = reading.channel_mhz or expected.frequency_mhz
+    reach = max(_HALF_CHANNEL_MHZ, expected.width_mhz - _HALF_CHANNEL_MHZ)
+    long = channel - _HALF_CHANNEL_MHZ < high and channel + reach > low
+    if reading.wait_left_s is not None:
+        how_long = f"{reading.wait_left_s:.0f} s are left"
+    else:
+        how_long = f"up to 10 minutes at {low}-{high} MHz" if long else "60 s"
+    message = f"the radio listens for radar at {channel} MHz before it may send ({how_long})"
+    hint = "wait, then look again; if it comes back often, choose another channel: radars are near ports and ships"
+    return BearerFinding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
+
+
+def _association(reading: WifiReading, expected: WifiExpected) -> Iterator[BearerFinding]:
+    yield from _company(reading, expected)
+    peer = _declared_peer(reading, expected)
+    if peer is None or peer.signal_dbm is None:
+        message = "somebody is registered, but the radio does not say how well it is heard"
+        yield BearerFinding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
+    if peer is None:
+        return
+    if peer.authorised is False:
+        message = f"{expected.peer} is registered but not authorised: the keys differ"
+        yield BearerFinding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
+    yield from _levels(peer, expected)
+    yield from _flow(reading, peer)
+
+
+def _company(reading: WifiReading, expected: WifiExpected) -> Iterator[BearerFinding]:
+    by_peer = [(peer, _is_declared(peer, expected)) for peer in reading.peers]
+    strangers = [peer.radio_name or peer.mac or "somebody" for peer, declared in by_peer if declared is False]
+    if not strangers:
+        return
+    names = ", ".join(strangers)
+    if any(declared for _, declared in by_peer):
+        message = f"besides {expected.peer}, {names} is registered"
+        yield BearerFinding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
+    else:
+        message = f"registered to {names}, which is not {expected.peer}"
+        hint = "compare SSID and key; if the other end's radio was exchanged, run the site again"
+        yield BearerFinding(Verdict.FAIL, "wrong-peer", message, hint)
+
+
+def _levels(peer: WifiPeer, expected: WifiExpected) -> Iterator[BearerFinding]:
+    level = peer.signal_dbm
+    if level is not None and level < expected.weakest_dbm:
+        message = f"{expected.peer} is heard with {level:g} dBm, below {expected.weakest_dbm:g} dBm"
+        hint = "align both antennas, look for what stands in between, and check the antenna's cables"
+        yield BearerFinding(Verdict.WARN, "signal-weak", message, hint)
+    if level is not None and level > expected.strongest_dbm:
+        message = (
+            f"{expected.peer} is heard with {level:g} dBm, above {expected.strongest_dbm:g} dBm: receivers saturate"
+        )
+        yield BearerFinding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
+    imbalance = peer.imbalance_db
+    if imbalance is not None and imbalance > IMBALANCE_DB:
+        message = f"the chains hear {imbalance:g} dB apart, more than {IMBALANCE_DB:g} dB"
+        hint = "check polarisation and alignment, then the connector of the weaker chain"
+        yield BearerFinding(Verdict.WARN, "chain-imbalance", message, hint)
+
+
+def _flow(reading: WifiReading, peer: WifiPeer) -> Iterator[BearerFinding]:
+    quality_of = [value for value in (peer.tx_ccq_percent, peer.rx_ccq_percent) if value is not None]
+    if not quality_of and reading.overall_ccq_percent is not None:
+        quality_of = [reading.overall_ccq_percent]
+    if quality_of and min(quality_of) < LOW_CCQ_PERCENT and reading.family is Family.WIRELESS:
+        message = f"the connection quality (CCQ) is {min(quality_of):g} %, below {LOW_CCQ_PERCENT:g} %"
+        hint = "frames are repeated: look for others on the channel, a signal that is too strong, or a bad connector"
+        yield BearerFinding(Verdict.WARN, "ccq-low", message, hint)
+    rates = [value for value in (peer.tx_rate_mbps, peer.rx_rate_mbps) if value is not None]
+    if rates and min(rates) < LOW_RATE_MBPS:
+        message = f"the rate is {min(rates):g} Mbit/s, below {LOW_RATE_MBPS:g} Mbit/s"
+        hint = "an idle link shows the rate of its management frames: look again while traffic flows, then align"
+        yield BearerFinding(Verdict.WARN, "rate-low", message, hint)
+
+
+_WORDS = {
+    "disabled": WifiCondition.DISABLED,
+    "searching-for-network": WifiCondition.SEARCHING,
+    "searching": WifiCondition.SEARCHING,
+    "connecting": WifiCondition.SEARCHING,
+    "connected-to-ess": WifiCondition.CONNECTED,
+    "connected": WifiCondition.CONNECTED,
+    "running-ap": WifiCondition.RUNNING,
+    "running": WifiCondition.RUNNING,
+}
+_RADAR = re.compile(r"radar|\bdfs\b|\bcac\b")
+_SIGNAL_DBM = (-120.0, -1.0)
+"""A level of 0 is what a driver writes that has none."""
+_SNR_DB = (0.0, 120.0)
+_CHAIN = re.compile(r"signal(?:-strength)?-ch(\d)")
+_MHZ = re.compile(r"\d{4}")
+_LEFT = re.compile(r"\d+(?:\.\d+)?(?:ms|[wdhms])(?:\d+(?:\.\d+)?(?:ms|[wdhms]))*|\d+:\d\d:\d\d")
+
+
+def queries(family: Family, interface: str) -> tuple[Query, Query]:
+    """What to ask of the device: the registration table, then the radio with this name; the answers go to `read`."""
+    menu = f"/interface/{family}"
+    return (
+        Query(f"{menu}/registration-table", "print"),
+        Query(menu, "monitor", (("numbers", interface), ("once", ""))),
+    )
+
+
+def read(
+    family: Family,
+    registrations: Sequence[Mapping[str, str]] | None,
+    monitor: Mapping[str, str] | None,
+    interface: str | None = None,
+) -> WifiReading:
+    """Read what the two queries answered; None: a question that the device refused or did not answer.
+
+    `interface` leaves out what is registered on other radios of the device.
+    """
+    monitored = monitor or {}
+    status = _meaningful(monitored.get("status")) or _meaningful(monitored.get("state"))
+    condition = _condition(status)
+    mine = [row for row in registrations or () if interface is None or row.get("interface", interface) == interface]
+    if not mine and condition is WifiCondition.CONNECTED and "bssid" in monitored:
+        mine = [{"mac-address": monitored["bssid"], "radio-name": monitored.get("radio-name", "")}]
+    return WifiReading(
+        family=family,
+        condition=condition,
+        status=status,
+        channel=_meaningful(monitored.get("channel")),
+        channel_mhz=_mhz(monitored.get("channel")),
+        wait_left_s=_wait_left(status) if condition is WifiCondition.RADAR else None,
+        overall_ccq_percent=percent(monitored.get("overall-tx-ccq")),
+        peers=tuple(_read_peer(row, monitored) for row in mine),
+        associated=_associated(condition, monitored, mine, complete=registrations is not None),
+    )
+
+
+def _meaningful(text: str | None) -> str | None:
+    stripped = (text or "").strip()
+    return None if stripped.lower() in {"", "n/a", "unknown", "none"} else stripped
+
+
+def _condition(status: str | None) -> WifiCondition:
+    word = (status or "").lower()
+    return WifiCondition.RADAR if _RADAR.search(word) else _WORDS.get(word, WifiCondition.UNKNOWN)
+
+
+def _mhz(channel: str | None) -> int | None:
+    match = _MHZ.match(channel or "")
+    return int(match[0]) if match is not None else None
+
+
+def _wait_left(status: str | None) -> float | None:
+    match = _LEFT.search(status or "")
+    return seconds(match[0]) if match is not None else None
+
+
+def _associated(
+    condition: WifiCondition, monitored: Mapping[str, str], rows: Sequence[Mapping[str, str]], *, complete: bool
+) -> bool | None:
+    if rows or condition is WifiCondition.CONNECTED:
+        return True
+    counts = [whole(monitored.get(name)) for name in ("registered-clients", "registered-peers")]
+    if any(counts):
+        return True
+    complete = (
+        complete or 0 in counts or condition in {WifiCondition.SEARCHING, WifiCondition.DISABLED, WifiCondition.RADAR}
+    )
+    return False if complete and condition is not WifiCondition.UNKNOWN else None
+
+
+def _read_peer(row: Mapping[str, str], monitored: Mapping[str, str]) -> WifiPeer:
+    """Read a row; what it lacks may stand in `monitor`, which speaks of the one access point of a station."""
+    station = "bssid" in monitored or "signal-strength" in monitored
+    both = {**monitored, **row} if station else row
+    mac = _meaningful(row.get("mac-address"))
+    return WifiPeer(
+        mac=mac.upper() if mac is not None else None,
+        radio_name=_meaningful(row.get("radio-name")),
+        signal_dbm=_level(both.get("signal-strength")) or _level(both.get("signal")),
+        tx_signal_dbm=_level(both.get("tx-signal-strength")),
+        chains_dbm=_chains(both),
+        snr_db=decibels(both.get("signal-to-noise"), *_SNR_DB, unit="dB"),
+        tx_rate_mbps=megabits(both.get("tx-rate")),
+        rx_rate_mbps=megabits(both.get("rx-rate")),
+        tx_ccq_percent=percent(both.get("tx-ccq")),
+        rx_ccq_percent=percent(both.get("rx-ccq")),
+        uptime_s=seconds(row.get("uptime")),
+        authorised=yes(row.get("authorized")),
+    )
+
+
+def _level(text: str | None) -> float | None:
+    return decibels(text, *_SIGNAL_DBM)
+
+
+def _chains(row: Mapping[str, str]) -> tuple[float | None, ...]:
+    found = {int(match[1]): value for name, value in row.items() if (match := _CHAIN.fullmatch(name))}
+    return tuple(_level(found.get(number)) for number in range(max(found) + 1)) if found else ()
