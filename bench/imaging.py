@@ -19,9 +19,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.image.blocks import BlockDevice, BlockTree, DeviceBus
-from atlantis_netcfg.image.source import segments
-from atlantis_netcfg.image.writer import Card, write
+from atlantis_netcfg.computers.image.blocks import BlockDevice, BlockTree, DeviceBus
+from atlantis_netcfg.computers.image.source import segments
+from atlantis_netcfg.computers.image.writer import Card, write
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,9 +13,9 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_con
     OF_AN_ACCOUNT,
     OF_SYSTEMD,
 )
+from atlantis_netcfg.computers.interop import PREFIX
+from atlantis_netcfg.computers.services import ENVIRONMENT, VPN_INTERFACE, secret_word
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.gateway.interop import PREFIX
-from atlantis_netcfg.gateway.services import ENVIRONMENT, VPN_INTERFACE, secret_word
 from atlantis_netcfg.inventory.model import Gateway, ServerComputer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
 from atlantis_netcfg.operations.request import Request

@@ -3,8 +3,8 @@
 import sys
 from pathlib import Path
 
+from atlantis_netcfg.computers.containers import PACKAGES
 from atlantis_netcfg.emulator.lab import MachineFailed, TreeSpec, build_rootfs, why_not
-from atlantis_netcfg.gateway.containers import PACKAGES
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.computers._emulation import tree_spec
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.gateway.dds import ProfileView
+    from atlantis_netcfg.computers.dds import ProfileView
     from atlantis_netcfg.inventory import Declaration, Finding, InventoryInvalid
     from atlantis_netcfg.links.standing_traffic import StandingTraffic
 
@@ -166,8 +166,8 @@ def run_dds(arguments: Arguments) -> ExitCode:
     """Make the files, write or print them, and say what they hold."""
     from pathlib import Path
 
+    from atlantis_netcfg.computers.dds import profile_views, profiles
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.gateway.dds import profile_views, profiles
     from atlantis_netcfg.inventory import choose, load
     from atlantis_netcfg.links.standing_traffic import TrafficSource
     from atlantis_netcfg.operations.standing import standing_traffic

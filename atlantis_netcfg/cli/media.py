@@ -27,9 +27,9 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.build import BundleSize
-    from atlantis_netcfg.bundle.manifest import Manifest
-    from atlantis_netcfg.image.writer import Card
+    from atlantis_netcfg.computers.bundle.build import BundleSize
+    from atlantis_netcfg.computers.bundle.manifest import Manifest
+    from atlantis_netcfg.computers.image.writer import Card
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.image import ImageOrder, MadeImage
     from atlantis_netcfg.operations.request import Request
@@ -109,9 +109,9 @@ def _card(arguments: Arguments, declaration: Declaration) -> Card:
     """The card, once a person has said that this one is meant. Raises DeviceRefused, UsageError, Declined."""
     from pathlib import Path
 
+    from atlantis_netcfg.computers.image.blocks import BlockTree, admit, confirmed
+    from atlantis_netcfg.computers.image.writer import Card
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.image.blocks import BlockTree, admit, confirmed
-    from atlantis_netcfg.image.writer import Card
 
     if declaration.pilot.example_values:
         raise UsageError(

@@ -13,10 +13,10 @@ import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, BundleSize, make
-from atlantis_netcfg.bundle.manifest import Keys, Manifest, require_programs, run
-from atlantis_netcfg.bundle.open import Bundle, open_bundle
-from atlantis_netcfg.bundle.requirements import (
+from atlantis_netcfg.computers.bundle.build import BundleOrder, BundlePurpose, BundleSize, make
+from atlantis_netcfg.computers.bundle.manifest import Keys, Manifest, require_programs, run
+from atlantis_netcfg.computers.bundle.open import Bundle, open_bundle
+from atlantis_netcfg.computers.bundle.requirements import (
     BundleRefused,
     BundleTarget,
     ContainerArchive,
@@ -27,13 +27,13 @@ from atlantis_netcfg.bundle.requirements import (
     RequirementKey,
     read_target,
 )
-from atlantis_netcfg.bundle.resolve import archive
+from atlantis_netcfg.computers.bundle.resolve import archive
+from atlantis_netcfg.computers.image.ext4 import LAYOUTS, Ext4, find, require_tools
+from atlantis_netcfg.computers.image.facts import ImageRefused
+from atlantis_netcfg.computers.image.source import checksum, expand
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4, find, require_tools
-from atlantis_netcfg.image.facts import ImageRefused
-from atlantis_netcfg.image.source import checksum, expand
 from atlantis_netcfg.inventory import Declaration, Host, choose
 from atlantis_netcfg.inventory.model import ImageLayout, Repository, ServerComputer, SiteComputer
 from atlantis_netcfg.operations.computers._access import key_trouble

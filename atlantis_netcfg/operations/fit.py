@@ -18,9 +18,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg.computers.dds_link import links_without_dds
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.gateway.dds_link import links_without_dds
 from atlantis_netcfg.inventory import ALL, Finding, choose
 from atlantis_netcfg.inventory.model import TelemetryData
 from atlantis_netcfg.inventory.rules.vehicles import beside_guideline

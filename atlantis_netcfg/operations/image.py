@@ -17,14 +17,14 @@ from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
+from atlantis_netcfg.computers.image.ext4 import LAYOUTS, PROGRAMS, DiskLayout, require_tools
+from atlantis_netcfg.computers.image.facts import ImageRefused, ImageRequest, StaticNetwork
+from atlantis_netcfg.computers.image.plan import customise
+from atlantis_netcfg.computers.image.source import Expanded, SourceKind, checksum, expand, segments
+from atlantis_netcfg.computers.image.writer import Card, Progress, WriteMeter, WriterStep, WrittenCard, write
 from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.image.ext4 import LAYOUTS, PROGRAMS, DiskLayout, require_tools
-from atlantis_netcfg.image.facts import ImageRefused, ImageRequest, StaticNetwork
-from atlantis_netcfg.image.plan import customise
-from atlantis_netcfg.image.source import Expanded, SourceKind, checksum, expand, segments
-from atlantis_netcfg.image.writer import Card, Progress, WriteMeter, WriterStep, WrittenCard, write
 from atlantis_netcfg.inventory.model import AddressBy, Image, SiteComputer
 from atlantis_netcfg.runs import Store, write_atomically
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.image.blocks import BlockDevice
+    from atlantis_netcfg.computers.image.blocks import BlockDevice
     from atlantis_netcfg.inventory import Declaration, Host
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg.computers.retrieval import PROGRAM, line_for_robot, sources_of
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError, nearest
-from atlantis_netcfg.gateway.retrieval import PROGRAM, line_for_robot, sources_of
 from atlantis_netcfg.inventory.model import RetrievalPriority, RetrievalRobot, RetrievalSource
 from atlantis_netcfg.links.cost import Bill, Preview, bill, preview, size
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of

@@ -20,11 +20,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.computers.retrieval import PROGRAM, retrieval
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.emulator import ssh
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayWay
-from atlantis_netcfg.gateway.retrieval import PROGRAM, retrieval
 from atlantis_netcfg.inventory.model import ControlCentre, Gateway, Retrieval, RetrievalRobot, ServerComputer
 from atlantis_netcfg.links.cost import size
 from atlantis_netcfg.operations.link_shapes import link_shapes

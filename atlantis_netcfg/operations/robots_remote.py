@@ -9,9 +9,9 @@ from base64 import b64decode
 from importlib import resources
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.computers.services import ENVIRONMENT
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.remote_process import Carrier
-from atlantis_netcfg.gateway.services import ENVIRONMENT
 from atlantis_netcfg.inventory.model import ControlCentre, ServerComputer
 from atlantis_netcfg.inventory.robots.reading import FOLDER, key_names
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble

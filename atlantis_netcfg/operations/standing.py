@@ -20,9 +20,9 @@ from dataclasses import replace
 from decimal import Decimal
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.computers.dds import profile_in_use
+from atlantis_netcfg.computers.dds_link import links_without_dds
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.gateway.dds import profile_in_use
-from atlantis_netcfg.gateway.dds_link import links_without_dds
 from atlantis_netcfg.inventory import Finding
 from atlantis_netcfg.inventory.model import ControlCentre, DdsPath, Gateway, Router, Switch
 from atlantis_netcfg.inventory.rules.satellite import BUDGET_HINT
@@ -49,7 +49,7 @@ from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, ROUTEROS_RENEGOTIATION
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from atlantis_netcfg.gateway.dds import ProfileView
+    from atlantis_netcfg.computers.dds import ProfileView
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.inventory.model import Bearer, TelemetryTopic
     from atlantis_netcfg.routeros.render.view import Uplink

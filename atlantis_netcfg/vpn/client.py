@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.gateway.parts import Brought, Configuration, File, Package, Unit
+from atlantis_netcfg.computers.parts import Brought, Configuration, File, Package, Unit
 from atlantis_netcfg.inventory.model import Pace, SiteComputer, Transport, VpnServer
 from atlantis_netcfg.routeros.render import environment
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS, MemberLink

@@ -12,8 +12,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.computers.parts import Check, Configuration, ConvergeStep, Directory, File, Package, Unit
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, Directory, File, Package, Unit
 from atlantis_netcfg.inventory.model import Router, VpnServer
 from atlantis_netcfg.routeros.render import environment, template_folder
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS, Certificate, Member, MemberLink, MembershipList

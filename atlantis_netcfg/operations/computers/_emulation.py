@@ -16,6 +16,12 @@ from typing import TYPE_CHECKING
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from atlantis_netcfg.computers.base import gateway_base
+from atlantis_netcfg.computers.containers import IMAGES
+from atlantis_netcfg.computers.interop import gateway_interop
+from atlantis_netcfg.computers.recording import packages as recorder
+from atlantis_netcfg.computers.retrieval import PACKAGES as RETRIEVAL
+from atlantis_netcfg.computers.ros1_bridge import packages as bridge
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator import lab
@@ -23,12 +29,6 @@ from atlantis_netcfg.emulator.lab import stubs
 from atlantis_netcfg.emulator.lab.stubs.image import NOT_REHEARSED as NO_IMAGES
 from atlantis_netcfg.emulator.lab.stubs.interop import NOT_REHEARSED as NO_LIBRARY
 from atlantis_netcfg.emulator.lab.stubs.interop import InteropProjects, serve_git
-from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.containers import IMAGES
-from atlantis_netcfg.gateway.interop import gateway_interop
-from atlantis_netcfg.gateway.recording import packages as recorder
-from atlantis_netcfg.gateway.retrieval import PACKAGES as RETRIEVAL
-from atlantis_netcfg.gateway.ros1_bridge import packages as bridge
 from atlantis_netcfg.inventory.model import (
     ROS1_BRIDGE,
     HostedService,

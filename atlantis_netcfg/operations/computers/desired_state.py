@@ -60,7 +60,7 @@ def bundle_of(folder: Path | None) -> str | None:
     """The id of a bundle, as its manifest has it; it was opened, and found right, before."""
     if folder is None:
         return None
-    from atlantis_netcfg.bundle.manifest import MANIFEST, read_manifest  # noqa: PLC0415 - most runs have no bundle
+    from atlantis_netcfg.computers.bundle.manifest import MANIFEST, read_manifest  # noqa: PLC0415 - most runs have no bundle
 
     path = folder / MANIFEST
     return read_manifest(path.read_bytes(), str(path)).id

@@ -9,10 +9,10 @@ import base64
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.dds import gateway_dds
-from atlantis_netcfg.gateway.interop import gateway_interop
-from atlantis_netcfg.gateway.ros2 import ArchiveKey, StandIn, gateway_ros2
+from atlantis_netcfg.computers.base import gateway_base
+from atlantis_netcfg.computers.dds import gateway_dds
+from atlantis_netcfg.computers.interop import gateway_interop
+from atlantis_netcfg.computers.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.inventory import Declaration, Host
 from atlantis_netcfg.inventory.model import ControlCentre, Gateway, Model, OperatorStation, VpnServer
 from atlantis_netcfg.operations.computers._access import computer_access, is_server

@@ -14,11 +14,11 @@ import subprocess
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bundle import manifest
+from atlantis_netcfg.computers.bundle import manifest
+from atlantis_netcfg.computers.image import ext4
 from atlantis_netcfg.core import packages
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator import lab
-from atlantis_netcfg.image import ext4
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 
 if TYPE_CHECKING:

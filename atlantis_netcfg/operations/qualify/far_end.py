@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.computers.reflector import QUALIFY_SERVICE
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError
-from atlantis_netcfg.gateway.reflector import QUALIFY_SERVICE
 from atlantis_netcfg.inventory.model import ServerComputer, Transport
 from atlantis_netcfg.inventory.satellite_allow_list import admits, allowed, far_end
 from atlantis_netcfg.links.qualify.measured_run import Selection

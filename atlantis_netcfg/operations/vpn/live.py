@@ -28,7 +28,7 @@ from atlantis_netcfg.vpn.server import CCD, FIREWALL, live_files
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from atlantis_netcfg.gateway.parts import File
+    from atlantis_netcfg.computers.parts import File
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import SessionObservation

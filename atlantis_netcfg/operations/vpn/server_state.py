@@ -17,7 +17,7 @@ from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN, 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.gateway.parts import File
+    from atlantis_netcfg.computers.parts import File
     from atlantis_netcfg.vpn.identity import MembershipList
 
 

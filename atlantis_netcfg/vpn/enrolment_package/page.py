@@ -17,10 +17,10 @@ from datetime import UTC, datetime
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.computers.dds import MemberDds, ProfileView, member_files, member_view
+from atlantis_netcfg.computers.services import PROFILES
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.gateway.dds import MemberDds, ProfileView, member_files, member_view
-from atlantis_netcfg.gateway.services import PROFILES
 from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.routeros.render import environment
 from atlantis_netcfg.vpn import routeros, systems

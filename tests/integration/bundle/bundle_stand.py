@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, BundleSize, make
-from atlantis_netcfg.bundle.manifest import Keys, Manifest
-from atlantis_netcfg.bundle.requirements import (
+from atlantis_netcfg.computers.bundle.build import BundleOrder, BundlePurpose, BundleSize, make
+from atlantis_netcfg.computers.bundle.manifest import Keys, Manifest
+from atlantis_netcfg.computers.bundle.requirements import (
     HostRequirements,
     Library,
     PackageRequirement,

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from bundle_stand import HOST, Laptop, arm64
 
-from atlantis_netcfg.bundle.open import open_bundle
-from atlantis_netcfg.bundle.requirements import BundleRefused, ContainerArchive, HostRequirements
+from atlantis_netcfg.computers.bundle.open import open_bundle
+from atlantis_netcfg.computers.bundle.requirements import BundleRefused, ContainerArchive, HostRequirements
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import HostedService, Ros1Bridge, ServerComputer
 from atlantis_netcfg.operations.bundle import wish_of

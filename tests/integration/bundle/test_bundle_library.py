@@ -9,9 +9,9 @@ from bundle_stand import HOST, Laptop
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
-from atlantis_netcfg.bundle.manifest import Manifest
-from atlantis_netcfg.bundle.open import open_bundle
-from atlantis_netcfg.bundle.requirements import BundleRefused, Library
+from atlantis_netcfg.computers.bundle.manifest import Manifest
+from atlantis_netcfg.computers.bundle.open import open_bundle
+from atlantis_netcfg.computers.bundle.requirements import BundleRefused, Library
 from atlantis_netcfg.emulator.lab.stubs.interop import (
     EXAMPLES,
     LIBRARY,

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from bundle_stand import HOST, KEYRING, Laptop, arm64, status
 
-from atlantis_netcfg.bundle.manifest import signed_by
-from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
-from atlantis_netcfg.bundle.requirements import BundleRefused, RequirementKey
+from atlantis_netcfg.computers.bundle.manifest import signed_by
+from atlantis_netcfg.computers.bundle.open import bytes_to_carry, open_bundle
+from atlantis_netcfg.computers.bundle.requirements import BundleRefused, RequirementKey
 from atlantis_netcfg.emulator.lab.stubs import publish
 
 PACKAGES = (
@@ -109,7 +109,7 @@ def test_the_size_is_told_before_and_what_is_there_is_not_fetched_again(laptop: 
 
 def test_an_interrupted_bundle_goes_on_from_what_is_right(laptop: Laptop, monkeypatch: pytest.MonkeyPatch) -> None:
     wish = laptop.wish(laptop.archive(PACKAGES), "ros-foxy-ros-base", "chrony")
-    monkeypatch.setattr("atlantis_netcfg.bundle.build._signed", _killed)
+    monkeypatch.setattr("atlantis_netcfg.computers.bundle.build._signed", _killed)
     with pytest.raises(KeyboardInterrupt):
         laptop.make(wish)
     monkeypatch.undo()

@@ -30,8 +30,8 @@ from satellite_stage import ROBOT as ACCESS_POINT
 from satellite_stage import Stage, stage
 from slow_link import Link
 
-from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.dds import (
+from atlantis_netcfg.computers.base import gateway_base
+from atlantis_netcfg.computers.dds import (
     RELEASES,
     MemberDds,
     ProfileView,
@@ -40,7 +40,7 @@ from atlantis_netcfg.gateway.dds import (
     profile_in_use,
     profiles,
 )
-from atlantis_netcfg.gateway.reflector import PROGRAM, SERVICE
+from atlantis_netcfg.computers.reflector import PROGRAM, SERVICE
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory.model import BearerKind, DdsPeer
 from atlantis_netcfg.vpn.identity import MemberKind

@@ -14,7 +14,7 @@ import pytest
 from own_asked import GATEWAY, check, findings, inside
 from waiting import wait_until
 
-from atlantis_netcfg.gateway.dds import profile_views, profiles
+from atlantis_netcfg.computers.dds import profile_views, profiles
 from atlantis_netcfg.inventory import load
 
 if find_spec("cyclonedds") is None:

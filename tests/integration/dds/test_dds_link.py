@@ -28,9 +28,9 @@ from matrix_stand import NET, Vpn, vpn
 from nft_translation import translate
 from waiting import HANG_S, wait_until
 
-from atlantis_netcfg.gateway import base
-from atlantis_netcfg.gateway.dds import TUNING, profile_in_use, profile_views, profiles
-from atlantis_netcfg.gateway.dds_link import SERVICE, dds_link
+from atlantis_netcfg.computers import base
+from atlantis_netcfg.computers.dds import TUNING, profile_in_use, profile_views, profiles
+from atlantis_netcfg.computers.dds_link import SERVICE, dds_link
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, Pace, RosDistribution, RosMiddleware
 from atlantis_netcfg.routeros import rsc

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 from dds_stand import CENTRE, DEFAULT_DOMAIN, GATEWAY, Participant, Stand, Tunnelled, routed, speak, tunnelled
 
-from atlantis_netcfg.gateway.dds import GAP_S, ProfileView, profile_views, profiles
+from atlantis_netcfg.computers.dds import GAP_S, ProfileView, profile_views, profiles
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, DdsPath, RosDistribution
 

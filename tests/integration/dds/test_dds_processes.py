@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.gateway.dds import profile_views, profiles
+from atlantis_netcfg.computers.dds import profile_views, profiles
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Dds, RosDistribution
 

@@ -23,7 +23,7 @@ from matrix_stand import NET, SERVER, Vpn, vpn
 from slow_link import DELAY_S, DOWN_BPS, UP_BPS
 from waiting import HANG_S
 
-from atlantis_netcfg.gateway.dds import TUNING, ProfileView, profile_in_use, profile_views, profiles
+from atlantis_netcfg.computers.dds import TUNING, ProfileView, profile_in_use, profile_views, profiles
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
 from atlantis_netcfg.inventory.satellite_allow_list import allowed

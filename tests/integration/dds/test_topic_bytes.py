@@ -21,7 +21,7 @@ from dds_stand import CENTRE, GATEWAY, Participant, Stand, routed, tunnelled
 from slow_link import DELAY_S, UP_BPS
 from waiting import wait_until
 
-from atlantis_netcfg.gateway.dds import SIZES, profile_views, profiles
+from atlantis_netcfg.computers.dds import SIZES, profile_views, profiles
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, DdsPath, RosDistribution, RosMiddleware
 from atlantis_netcfg.links.standing_traffic import NO_VPN, DdsMessages, LinkPace, SteadyTopic

@@ -12,8 +12,8 @@ import pytest
 from debian_trees import NETWORK
 from gateway_stand import ROUTER, Key
 
+from atlantis_netcfg.computers.parts import computer_network
 from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
-from atlantis_netcfg.gateway.parts import computer_network
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import ComputerNetwork, Gateway, NetworkTool
 

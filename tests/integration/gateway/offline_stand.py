@@ -15,16 +15,16 @@ from typing import Any
 import preforked
 from gateway_stand import ROUTER, Key, gateway_tree
 
-from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, make
-from atlantis_netcfg.bundle.manifest import Keys, Manifest
-from atlantis_netcfg.bundle.requirements import (
+from atlantis_netcfg.computers.bundle.build import BundleOrder, BundlePurpose, make
+from atlantis_netcfg.computers.bundle.manifest import Keys, Manifest
+from atlantis_netcfg.computers.bundle.requirements import (
     HostRequirements,
     Library,
     PackageRequirement,
     PackageSource,
     read_target,
 )
-from atlantis_netcfg.bundle.requirements import RequirementKey as ArchiveKey
+from atlantis_netcfg.computers.bundle.requirements import RequirementKey as ArchiveKey
 from atlantis_netcfg.emulator.lab import Machine
 from atlantis_netcfg.emulator.lab.stubs import StubPackage, publish
 

@@ -11,8 +11,8 @@ from typing import Any
 from gateway_stand import SHIPPED, Start
 from waiting import wait_until
 
+from atlantis_netcfg.computers.retrieval import PROGRAM, SERVICE, retrieval
 from atlantis_netcfg.emulator.lab import Lab, Machine
-from atlantis_netcfg.gateway.retrieval import PROGRAM, SERVICE, retrieval
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory.model import Retrieval, ServerComputer
 

@@ -12,9 +12,9 @@ from debian_trees import CONTAINERS
 from gateway_role import Stand
 from gateway_stand import FREE_CLOCK, ROUTER, Key, ground, technician  # noqa: F401 - fixtures
 
+from atlantis_netcfg.computers.containers import IMAGES
 from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs
 from atlantis_netcfg.emulator.lab.stubs import PODMAN_IN_A_MACHINE, service_image
-from atlantis_netcfg.gateway.containers import IMAGES
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 UNIT = "atlantis-service-backend.service"

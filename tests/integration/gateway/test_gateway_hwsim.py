@@ -19,8 +19,8 @@ from gateway_stand import (
 from ports import held_port
 from test_gateway_clock import Guest, booted, card
 
+from atlantis_netcfg.computers.base import gateway_base
 from atlantis_netcfg.emulator.lab import why_not
-from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.inventory import load
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(3600)]

@@ -6,7 +6,7 @@ import pytest
 from gateway_stand import Key, Start, ground, machine, technician
 from offline_stand import CUT, Quay, install, told
 
-from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
+from atlantis_netcfg.computers.bundle.open import bytes_to_carry, open_bundle
 from atlantis_netcfg.emulator.lab.stubs import StubPackage
 
 __all__ = ["ground", "machine", "technician"]

@@ -13,7 +13,7 @@ from gateway_role import NAME, Stand
 from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from waiting import wait_until
 
-from atlantis_netcfg.gateway.base import gateway_base
+from atlantis_netcfg.computers.base import gateway_base
 from atlantis_netcfg.inventory import load
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]

@@ -8,10 +8,10 @@ import pytest
 from gateway_role import Stand
 from gateway_stand import Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 
+from atlantis_netcfg.computers import ros1_bridge
+from atlantis_netcfg.computers.recording import SERVICE, packages
 from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
-from atlantis_netcfg.gateway import ros1_bridge
-from atlantis_netcfg.gateway.recording import SERVICE, packages
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

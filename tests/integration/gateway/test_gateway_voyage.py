@@ -16,10 +16,10 @@ from gateway_role import NAME, ROOT, Stand
 from gateway_stand import FREE_CLOCK, SHIPPED, Key, Start, gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 
-from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, make
-from atlantis_netcfg.bundle.manifest import Keys, Manifest
-from atlantis_netcfg.bundle.open import open_bundle
-from atlantis_netcfg.bundle.requirements import read_target
+from atlantis_netcfg.computers.bundle.build import BundleOrder, BundlePurpose, make
+from atlantis_netcfg.computers.bundle.manifest import Keys, Manifest
+from atlantis_netcfg.computers.bundle.open import open_bundle
+from atlantis_netcfg.computers.bundle.requirements import read_target
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
 from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, GitServer, make_interop, serve_git
 from atlantis_netcfg.inventory import Declaration, load

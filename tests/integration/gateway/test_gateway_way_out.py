@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.gateway.base import gateway_base
+from atlantis_netcfg.computers.base import gateway_base
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Gateway, GatewayAccessPoint
 

@@ -4,9 +4,9 @@ import pytest
 from gateway_stand import Start, ground, machine, technician  # noqa: F401 - fixtures
 from retrieval_stand import BAGS, COLLECTED, MB, ROBOT, Ends, ends
 
+from atlantis_netcfg.computers.retrieval import line_for_robot
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.lab import Lab, Machine
-from atlantis_netcfg.gateway.retrieval import line_for_robot
 from atlantis_netcfg.inventory.model import RetrievalRobot
 from atlantis_netcfg.operations.retrieve import RetrievalStatus, source_at
 

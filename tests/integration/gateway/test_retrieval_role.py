@@ -8,7 +8,7 @@ from gateway_role import Stand
 from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from retrieval_stand import CENTRE, GATEWAY
 
-from atlantis_netcfg.gateway.retrieval import PROGRAM, SERVICE
+from atlantis_netcfg.computers.retrieval import PROGRAM, SERVICE
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 DECLARED: dict[str, Any] = {"to": CENTRE, "budget_mb": 1000, "sources": [{"host": GATEWAY}]}

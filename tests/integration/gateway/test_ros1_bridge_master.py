@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from waiting import HANG_S, wait_until
 
-from atlantis_netcfg.gateway.ros1_bridge import ros1_bridge
+from atlantis_netcfg.computers.ros1_bridge import ros1_bridge
 from atlantis_netcfg.inventory.model import Ros1Bridge
 
 pytestmark = [

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.image.blocks import BlockTree
+from atlantis_netcfg.computers.image.blocks import BlockTree
 
 USB = "pci0000:00/0000:00:14.0/usb1/1-2/1-2:1.0/host4/target4:0:0/4:0:0:0"
 SLOT = "platform/sdhci/mmc_host/mmc0/mmc0:aaaa"

@@ -22,12 +22,12 @@ from image_made import ROOT_AT, disk, run
 from ports import held_port
 from waiting import HANG_S
 
-from atlantis_netcfg.image.blocks import admit
-from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4
-from atlantis_netcfg.image.facts import ImageRequest, StaticNetwork
-from atlantis_netcfg.image.plan import customise
-from atlantis_netcfg.image.source import expand, segments
-from atlantis_netcfg.image.writer import Card, write
+from atlantis_netcfg.computers.image.blocks import admit
+from atlantis_netcfg.computers.image.ext4 import LAYOUTS, Ext4
+from atlantis_netcfg.computers.image.facts import ImageRequest, StaticNetwork
+from atlantis_netcfg.computers.image.plan import customise
+from atlantis_netcfg.computers.image.source import expand, segments
+from atlantis_netcfg.computers.image.writer import Card, write
 
 pytestmark = pytest.mark.timeout(5400)
 

@@ -14,8 +14,8 @@ from blocks_fake import LoopCard, Tree, loop
 from image_made import ROOT_AT, disk, tree
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.image.ext4 import Ext4
-from atlantis_netcfg.image.plan import customise
+from atlantis_netcfg.computers.image.ext4 import Ext4
+from atlantis_netcfg.computers.image.plan import customise
 from atlantis_netcfg.inventory import load
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
@@ -73,7 +73,7 @@ def desk(
     with loop(tmp_path / "behind", SIZE, OLD) as card:
         shown = Tree(tmp_path / "tree")
         shown.disk(card.number, size=SIZE).serial(SERIAL)
-        monkeypatch.setattr("atlantis_netcfg.image.blocks.BlockTree", lambda: shown.blocks)
+        monkeypatch.setattr("atlantis_netcfg.computers.image.blocks.BlockTree", lambda: shown.blocks)
         words = ["inventory=real", "site=coastal", "host=coastal-gateway", f"from={vendors}"]
         yield Desk(card, shown, tmp_path / "state", words, capsys)
 
@@ -241,9 +241,9 @@ def test_a_failure_is_on_record(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> 
         raise OSError(5, "Input/output error")
 
     real = os.pwrite
-    monkeypatch.setattr("atlantis_netcfg.image.writer.os.pwrite", broken)
+    monkeypatch.setattr("atlantis_netcfg.computers.image.writer.os.pwrite", broken)
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
-    monkeypatch.setattr("atlantis_netcfg.image.writer.os.pwrite", real)
+    monkeypatch.setattr("atlantis_netcfg.computers.image.writer.os.pwrite", real)
     assert code == 4
     assert "the card was not finished" in err
     (receipt,) = desk.receipts

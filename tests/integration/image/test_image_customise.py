@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from image_made import BOOT_AT, KEY, ROOT, ROOT_AT, disk, run, tree
 
-from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4
-from atlantis_netcfg.image.facts import Edit, ImageFile, ImageRefused, ImageRequest, Remove, StaticNetwork
-from atlantis_netcfg.image.plan import customise
+from atlantis_netcfg.computers.image.ext4 import LAYOUTS, Ext4
+from atlantis_netcfg.computers.image.facts import Edit, ImageFile, ImageRefused, ImageRequest, Remove, StaticNetwork
+from atlantis_netcfg.computers.image.plan import customise
 
 WISH = ImageRequest(
     host="coastal-gateway",

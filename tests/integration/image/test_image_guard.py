@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from blocks_fake import DOCK, LOOP, NVME, SATA, SLOT, USB, FakeDisk, Tree
 
+from atlantis_netcfg.computers.image.blocks import BlockTree, DeviceBus, admit, confirmed, same
+from atlantis_netcfg.computers.image.facts import DeviceRefused
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.image.blocks import BlockTree, DeviceBus, admit, confirmed, same
-from atlantis_netcfg.image.facts import DeviceRefused
 
 NODE = Path("/dev/loop0")
 """A block device of number 7:0, which the tree shows as the disk in question; nothing is read from it."""

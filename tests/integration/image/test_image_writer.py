@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from blocks_fake import LoopCard, Tree, loop
 
+from atlantis_netcfg.computers.image.blocks import admit
+from atlantis_netcfg.computers.image.facts import CardUnfinished, DeviceRefused
+from atlantis_netcfg.computers.image.source import Segment, SourceKind, segments
+from atlantis_netcfg.computers.image.writer import Card, Progress, WriterStep, WrittenCard, write
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.image.blocks import admit
-from atlantis_netcfg.image.facts import CardUnfinished, DeviceRefused
-from atlantis_netcfg.image.source import Segment, SourceKind, segments
-from atlantis_netcfg.image.writer import Card, Progress, WriterStep, WrittenCard, write
 
 MIB = 2**20
 SIZE = 24 * MIB
@@ -119,9 +119,9 @@ from pathlib import Path
 sys.path[:0] = sys.argv[4:]
 from blocks_fake import LoopCard
 from test_image_writer import SIZE, shown
-from atlantis_netcfg.image.writer import WriterStep
-from atlantis_netcfg.image.source import segments
-from atlantis_netcfg.image.writer import write
+from atlantis_netcfg.computers.image.writer import WriterStep
+from atlantis_netcfg.computers.image.source import segments
+from atlantis_netcfg.computers.image.writer import write
 image, device, file = map(Path, sys.argv[1:4])
 status = device.stat().st_rdev
 card = LoopCard(device, file, f"{os.major(status)}:{os.minor(status)}")

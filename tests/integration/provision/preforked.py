@@ -57,7 +57,11 @@ ANSIBLE = (
     *("ansible.plugins.inventory.host_list", "ansible.plugins.inventory.yaml"),
     *(f"{_PLUGINS}.plugin_utils.{name}" for name in ("engine_action", "zipapp_action")),
     *(f"{_PLUGINS}.modules.{name}" for name in ("build", "clock", "configure", "env_conflicts", "packages")),
-    *("atlantis_netcfg.bundle.open", "atlantis_netcfg.core.remote_bundle", "atlantis_netcfg.operations.request"),
+    *(
+        "atlantis_netcfg.computers.bundle.open",
+        "atlantis_netcfg.core.remote_bundle",
+        "atlantis_netcfg.operations.request",
+    ),
     *("atlantis_netcfg.operations.computers._watch", "atlantis_netcfg.operations.computers.desired_state"),
 )
 """What Ansible imports for a role of the gateways, in itself or in each of its tasks."""

@@ -20,8 +20,8 @@ from dds_stand import Participant
 from matrix_papers import host
 from matrix_stand import BEHIND, CENTRE, LAN_GATEWAY, LAN_ZARCO, ROUTER, Vpn, vpn
 
+from atlantis_netcfg.computers.dds import GAP_S
 from atlantis_netcfg.emulator.udp_link import LinkShape
-from atlantis_netcfg.gateway.dds import GAP_S
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)

@@ -26,8 +26,8 @@ from matrix_papers import host
 from matrix_stand import Vpn, vpn
 from satcom_page import write_page
 
+from atlantis_netcfg.computers.dds import profile_views, profiles
 from atlantis_netcfg.emulator.udp_link import LinkShape
-from atlantis_netcfg.gateway.dds import profile_views, profiles
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Dds, RosDistribution, RosMiddleware
 from atlantis_netcfg.links.qualify.figures import TrainFigures, train_figures

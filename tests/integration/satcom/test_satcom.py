@@ -13,7 +13,7 @@ from pathlib import Path
 from satcom_campaign import CERTUS, campaign, cells
 from satcom_page import page
 
-from atlantis_netcfg.gateway.dds import TUNING
+from atlantis_netcfg.computers.dds import TUNING
 from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.links.qualify.profile import DirectionProfile, LinkProfile
 from atlantis_netcfg.operations.link_shapes import replayed

@@ -16,7 +16,7 @@ from matrix_papers import guest, host
 from matrix_stand import CENTRE, Vpn, vpn
 from waiting import wait_until
 
-from atlantis_netcfg.gateway.dds import profile_views, profiles
+from atlantis_netcfg.computers.dds import profile_views, profiles
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import DdsPeer
 from atlantis_netcfg.vpn.identity import MemberKind

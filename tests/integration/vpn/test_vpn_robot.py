@@ -16,7 +16,7 @@ from matrix_stand import CENTRE, Vpn, vpn
 from robot_computer import Robot, three_commands
 from waiting import HANG_S
 
-from atlantis_netcfg.gateway.dds import profile_views, profiles
+from atlantis_netcfg.computers.dds import profile_views, profiles
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import RosDistribution
 from atlantis_netcfg.vpn.enrolment_package import HandOut, OneTimePassphrase, contents, handout

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from atlantis_netcfg.computers.dds import SIZES
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.gateway.dds import SIZES
 from atlantis_netcfg.inventory.model import RosMiddleware
 from atlantis_netcfg.links.cost import Basis, MeteredLink, Tariff, bill, preview, size
 from atlantis_netcfg.links.standing_traffic import NO_VPN, DdsMessages, LinkPace, SteadyTopic

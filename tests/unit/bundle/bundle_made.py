@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bundle.manifest import (
+from atlantis_netcfg.computers.bundle.manifest import (
     BundledLibrary,
     BundleFile,
     BundleSigner,
@@ -14,7 +14,7 @@ from atlantis_netcfg.bundle.manifest import (
     Manifest,
     content_id,
 )
-from atlantis_netcfg.bundle.requirements import HostRequirements, Library, PackageRequirement
+from atlantis_netcfg.computers.bundle.requirements import HostRequirements, Library, PackageRequirement
 
 HOST = "coastal-gateway"
 LIBRARY = Library("https://git.example.org/c4i/library.git", "v1.0")

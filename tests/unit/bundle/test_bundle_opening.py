@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from bundle_made import HOST, LIBRARY, WISH, folder, keys, manifest, sign, signer
 
-from atlantis_netcfg.bundle.manifest import BundleSigner, Keys
-from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
-from atlantis_netcfg.bundle.requirements import BundleRefused, HostRequirements, PackageRequirement
+from atlantis_netcfg.computers.bundle.manifest import BundleSigner, Keys
+from atlantis_netcfg.computers.bundle.open import bytes_to_carry, open_bundle
+from atlantis_netcfg.computers.bundle.requirements import BundleRefused, HostRequirements, PackageRequirement
 from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["folder", "keys", "signer"]

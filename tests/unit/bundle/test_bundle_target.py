@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bundle.manifest import Keys
-from atlantis_netcfg.bundle.requirements import BundleRefused, read_target
-from atlantis_netcfg.bundle.resolve import archive
+from atlantis_netcfg.computers.bundle.manifest import Keys
+from atlantis_netcfg.computers.bundle.requirements import BundleRefused, read_target
+from atlantis_netcfg.computers.bundle.resolve import archive
 
 
 def status(base: str = "11ubuntu5.8", architecture: str = "arm64", extra: str = "") -> bytes:

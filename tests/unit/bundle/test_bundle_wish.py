@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
+from atlantis_netcfg.computers.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, wish_of

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bundle.build import workshop
-from atlantis_netcfg.bundle.requirements import BundleRefused
+from atlantis_netcfg.computers.bundle.build import workshop
+from atlantis_netcfg.computers.bundle.requirements import BundleRefused
 from atlantis_netcfg.core.errors import UsageError
 
 

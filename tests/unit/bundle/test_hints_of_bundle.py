@@ -14,8 +14,8 @@ from hints_said import advised, said
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import apt_messages, apt_run
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_converge import AptConvergence
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.bundle.manifest import BundleSigner, Keys, Manifest
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.computers.bundle.manifest import BundleSigner, Keys, Manifest
 from atlantis_netcfg.operations import bundle as bundling
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.request import Mode

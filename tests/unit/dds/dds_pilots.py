@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from atlantis_netcfg.gateway.dds import ProfileView, profile_views, profiles
+from atlantis_netcfg.computers.dds import ProfileView, profile_views, profiles
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds
 

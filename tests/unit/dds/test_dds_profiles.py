@@ -6,8 +6,8 @@ from ipaddress import IPv4Address
 import pytest
 from dds_pilots import leaves, pilot, view
 
+from atlantis_netcfg.computers.dds import GAP_S, RELEASES, TUNING, profile_views, profiles
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.gateway.dds import GAP_S, RELEASES, TUNING, profile_views, profiles
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory.model import BearerKind, Dds, DdsPath, DdsPeer, Pace, RosDistribution, RosMiddleware
 

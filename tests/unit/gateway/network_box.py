@@ -20,7 +20,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ne
     NetworkComputer,
     ProgramEnd,
 )
-from atlantis_netcfg.gateway.parts import computer_network
+from atlantis_netcfg.computers.parts import computer_network
 
 PATHS = {
     "netplan": "/etc/netplan/10-atlantis.yaml",

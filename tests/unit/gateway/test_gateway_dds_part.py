@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.gateway.dds import LOGIN, GatewayDds, gateway_dds
-from atlantis_netcfg.gateway.services import ENVIRONMENT
+from atlantis_netcfg.computers.dds import LOGIN, GatewayDds, gateway_dds
+from atlantis_netcfg.computers.services import ENVIRONMENT
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, RosDistribution
 from atlantis_netcfg.operations.computers.parts import PARTS

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.gateway.dds import gateway_dds
-from atlantis_netcfg.gateway.interop import SERVICE, gateway_interop
+from atlantis_netcfg.computers.dds import gateway_dds
+from atlantis_netcfg.computers.interop import SERVICE, gateway_interop
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import InteropService
 

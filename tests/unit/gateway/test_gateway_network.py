@@ -7,10 +7,10 @@ import pytest
 from network_pilots import coast
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import OURS, same
-from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.parts import computer_network
-from atlantis_netcfg.image.facts import ImageFacts, ImageFile
-from atlantis_netcfg.image.plan import plan
+from atlantis_netcfg.computers.base import gateway_base
+from atlantis_netcfg.computers.image.facts import ImageFacts, ImageFile
+from atlantis_netcfg.computers.image.plan import plan
+from atlantis_netcfg.computers.parts import computer_network
 from atlantis_netcfg.operations.image import wish_of
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 from waiting import HANG_S
 
+from atlantis_netcfg.computers.dds import gateway_dds
+from atlantis_netcfg.computers.recording import SERVICE, packages, recording
+from atlantis_netcfg.computers.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.emulator.lab.stubs import publish, ros_packages
-from atlantis_netcfg.gateway.dds import gateway_dds
-from atlantis_netcfg.gateway.recording import SERVICE, packages, recording
-from atlantis_netcfg.gateway.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Gateway, Recording
 

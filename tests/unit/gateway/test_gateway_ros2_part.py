@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from atlantis_netcfg.computers.ros2 import RELEASES, ArchiveKey, GatewayRos2, StandIn, archive_key, gateway_ros2
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, publish
-from atlantis_netcfg.gateway.ros2 import RELEASES, ArchiveKey, GatewayRos2, StandIn, archive_key, gateway_ros2
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, Gateways, Ros2, RosDistribution, RosMiddleware, RosOrigin
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
+from atlantis_netcfg.computers import containers, services
+from atlantis_netcfg.computers.dds import gateway_dds
+from atlantis_netcfg.computers.ros1_bridge import SERVICE, packages, ros1_bridge
+from atlantis_netcfg.computers.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.emulator.lab.stubs import publish, ros_packages
-from atlantis_netcfg.gateway import containers, services
-from atlantis_netcfg.gateway.dds import gateway_dds
-from atlantis_netcfg.gateway.ros1_bridge import SERVICE, packages, ros1_bridge
-from atlantis_netcfg.gateway.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Gateway, Ros1Bridge, Ros2
 from atlantis_netcfg.operations.bundle import wish_of

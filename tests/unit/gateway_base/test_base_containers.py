@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
-from atlantis_netcfg.gateway.containers import PACKAGES, within_budget
-from atlantis_netcfg.gateway.dds import gateway_dds
-from atlantis_netcfg.gateway.services import BRIDGE
+from atlantis_netcfg.computers.base import GatewayBase, gateway_base
+from atlantis_netcfg.computers.containers import PACKAGES, within_budget
+from atlantis_netcfg.computers.dds import gateway_dds
+from atlantis_netcfg.computers.services import BRIDGE
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import HostedService, Ros1Bridge, ServerComputer
 

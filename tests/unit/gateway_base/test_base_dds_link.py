@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
-from atlantis_netcfg.gateway.dds_link import SERVICE, links_without_dds
+from atlantis_netcfg.computers.base import GatewayBase, gateway_base
+from atlantis_netcfg.computers.dds_link import SERVICE, links_without_dds
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import DdsPath
 

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.configure import ARGUMENTS
-from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
+from atlantis_netcfg.computers.base import GatewayBase, gateway_base
 from atlantis_netcfg.inventory import load
 
 SHIPPED = Path(__file__).parents[3] / "inventory"

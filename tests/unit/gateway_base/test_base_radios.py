@@ -11,7 +11,7 @@ import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import DesiredState
-from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
+from atlantis_netcfg.computers.base import GatewayBase, gateway_base
 from atlantis_netcfg.inventory import load
 
 ROOT = Path(__file__).parents[3]

@@ -13,8 +13,8 @@ from waiting import HANG_S
 
 from atlantis_netcfg.checklist.probes.agent.main import reflect
 from atlantis_netcfg.checklist.probes.agent.streams import ProbeError
-from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.reflector import (
+from atlantis_netcfg.computers.base import gateway_base
+from atlantis_netcfg.computers.reflector import (
     PROGRAM,
     QUALIFY_FOLDER,
     QUALIFY_KEY,

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 from waiting import HANG_S
 
+from atlantis_netcfg.computers.base import gateway_base
+from atlantis_netcfg.computers.parts import Configuration
+from atlantis_netcfg.computers.services import LIST, services
 from atlantis_netcfg.emulator.lab.stubs import service_program
-from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.parts import Configuration
-from atlantis_netcfg.gateway.services import LIST, services
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import HostedService, ServerComputer, VpnService
 

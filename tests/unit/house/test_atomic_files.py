@@ -212,13 +212,13 @@ def test_modes_are_exact_unless_the_umask_is_to_have_its_say(shared: Path) -> No
 BOARD = "ansible_collections/atlantis/netcfg/plugins"
 ELSEWHERE = {
     # Into a folder of core/temporary.py, which is new, private and gone afterwards.
-    "bundle/manifest.py": 1,
-    "bundle/resolve.py": 5,
-    "image/ext4.py": 2,
-    "image/plan.py": 1,
+    "computers/bundle/manifest.py": 1,
+    "computers/bundle/resolve.py": 5,
+    "computers/image/ext4.py": 2,
+    "computers/image/plan.py": 1,
     "operations/retrieve_rehearsed.py": 4,
     # Into a folder that is new and ours: the draft of a bundle, the draft of an inventory.
-    "bundle/build.py": 3,
+    "computers/bundle/build.py": 3,
     "inventory/new_inventory/writing.py": 1,
     # Emulated machines and their programs: root file systems and logs in folders of their own.
     "emulator/lab/hosts.py": 3,

@@ -6,8 +6,8 @@ from ipaddress import IPv4Address, IPv4Interface
 import pytest
 import yaml
 
-from atlantis_netcfg.image import facts
-from atlantis_netcfg.image.plan import notes, plan
+from atlantis_netcfg.computers.image import facts
+from atlantis_netcfg.computers.image.plan import notes, plan
 
 STATIC = facts.StaticNetwork(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org")
 WISH = facts.ImageRequest(

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.image.facts import ImageRefused
-from atlantis_netcfg.image.source import Expanded, SourceKind, checksum, expand, segments
-from atlantis_netcfg.image.writer import Progress, WriteMeter, WriterStep
+from atlantis_netcfg.computers.image.facts import ImageRefused
+from atlantis_netcfg.computers.image.source import Expanded, SourceKind, checksum, expand, segments
+from atlantis_netcfg.computers.image.writer import Progress, WriteMeter, WriterStep
 
 RAW = b"\x01" * 70000 + bytes(300000) + b"\x02" * 5000 + bytes(200) + b"\x03" * 312
 BLOCK = 4096
@@ -128,7 +128,7 @@ def test_a_block_map_that_does_not_fit_is_refused(text: str, said: str, tmp_path
 MEASURED = """
 import re, sys
 from pathlib import Path
-from atlantis_netcfg.image.source import expand
+from atlantis_netcfg.computers.image.source import expand
 expand(Path(sys.argv[1]), Path(sys.argv[2]), None, lambda done, total: None)
 print(int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]) // 1024)
 """

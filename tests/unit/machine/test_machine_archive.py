@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bundle.manifest import Keys, signed_by
+from atlantis_netcfg.computers.bundle.manifest import Keys, signed_by
 from atlantis_netcfg.emulator.lab.stubs.archive import publish
 
 GPG = """\

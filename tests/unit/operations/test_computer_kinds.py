@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.callback.computers import GROUPS
-from atlantis_netcfg.gateway.base import gateway_base
+from atlantis_netcfg.computers.base import gateway_base
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS
 from atlantis_netcfg.inventory._schema import DEVICES

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from retrieval_programs import GATEWAY, KEY, ROBOT, program, with_retrieval
 
+from atlantis_netcfg.computers.retrieval import line_for_robot, retrieval
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.gateway.retrieval import line_for_robot, retrieval
 from atlantis_netcfg.inventory.model import RetrievalRobot
 from atlantis_netcfg.operations.retrieve import RetrievalStatus, plan, source_at
 

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from retrieval_programs import CENTRE, GATEWAY, KEY, SHIPPED, with_retrieval
 
+from atlantis_netcfg.computers.base import gateway_base
+from atlantis_netcfg.computers.retrieval import PACKAGES, SERVICE, retrieval
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
-from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.retrieval import PACKAGES, SERVICE, retrieval
 from atlantis_netcfg.inventory.model import RetrievalPriority
 from atlantis_netcfg.operations import retrieve
 from atlantis_netcfg.operations.retrieve_rehearsed import with_example

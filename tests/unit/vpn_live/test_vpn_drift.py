@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from atlantis_netcfg.gateway.parts import File
+from atlantis_netcfg.computers.parts import File
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import AnswerLost
 from atlantis_netcfg.operations.vpn.server_state import PLACE, Crl, ServerState, drift, observe

@@ -46,8 +46,8 @@ from atlantis_netcfg.checklist.probes.step import (
     RouterSolicitRequest,
     Trouble,
 )
+from atlantis_netcfg.computers.parts import computer_network
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.gateway.parts import computer_network
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:

@@ -19,6 +19,7 @@ from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
 from atlantis_netcfg.checklist.probes.site_checks.data_reaches import far_computers
 from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
+from atlantis_netcfg.computers.parts import computer_network
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
 from atlantis_netcfg.emulator.gnss import GnssSpec
 from atlantis_netcfg.emulator.linux import (
@@ -34,7 +35,6 @@ from atlantis_netcfg.emulator.linux import (
     lan_computer,
 )
 from atlantis_netcfg.emulator.mavlink import AutopilotSpec
-from atlantis_netcfg.gateway.parts import computer_network
 from atlantis_netcfg.inventory.model import (
     AcousticDriver,
     Column,

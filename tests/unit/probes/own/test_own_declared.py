@@ -8,7 +8,7 @@ from own_world import NETPLAN, SITE, World, computer, declaration, judged_here
 
 from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest, Step
 from atlantis_netcfg.checklist.probes.site_checks import steps
-from atlantis_netcfg.gateway.parts import computer_network
+from atlantis_netcfg.computers.parts import computer_network
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory.model import AddressBy, ComputerNetwork, Gateway, NetworkTool, Poe, PoeMode, Router
 

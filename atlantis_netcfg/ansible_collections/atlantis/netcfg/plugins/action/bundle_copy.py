@@ -24,7 +24,7 @@ from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bundle.open import Bundle
+    from atlantis_netcfg.computers.bundle.open import Bundle
 
 _MEGABYTE = 1_000_000
 
@@ -57,8 +57,8 @@ class ActionModule(ZipappAction):
         return result
 
     def _opened(self) -> Bundle:
-        from atlantis_netcfg.bundle.manifest import Keys  # noqa: PLC0415
-        from atlantis_netcfg.bundle.open import open_bundle  # noqa: PLC0415
+        from atlantis_netcfg.computers.bundle.manifest import Keys  # noqa: PLC0415
+        from atlantis_netcfg.computers.bundle.open import open_bundle  # noqa: PLC0415
         from atlantis_netcfg.core import paths  # noqa: PLC0415 - Ansible imports every action plugin
 
         state = self._task.args.get("state")
@@ -94,7 +94,7 @@ class ActionModule(ZipappAction):
         self, bundle: Bundle, host: str, values: dict[str, Any], variables: dict[str, Any]
     ) -> tuple[int, dict[str, Any]]:
         """Send what is missing; give its bytes and the board's answer."""
-        from atlantis_netcfg.bundle.open import bytes_to_carry  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.computers.bundle.open import bytes_to_carry  # noqa: PLC0415 - Ansible imports every action plugin
 
         desired = set(values["missing"])
         there = {file.sha256 for file in bundle.manifest.of(host).values()} - desired

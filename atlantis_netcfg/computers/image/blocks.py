@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from atlantis_netcfg.image.facts import DeviceRefused
+from atlantis_netcfg.computers.image.facts import DeviceRefused
 
 _SECTOR = 512
 """Bytes in the unit of `/sys/block/*/size`, whatever the device's own sectors are."""

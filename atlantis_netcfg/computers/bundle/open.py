@@ -6,15 +6,15 @@ import tarfile
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest, signed_by
-from atlantis_netcfg.bundle.requirements import BundleRefused, HostRequirements, refused
-from atlantis_netcfg.bundle.resolve import sha256_of
+from atlantis_netcfg.computers.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest, signed_by
+from atlantis_netcfg.computers.bundle.requirements import BundleRefused, HostRequirements, refused
+from atlantis_netcfg.computers.bundle.resolve import sha256_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.manifest import BundleFile, HostPart, Keys
+    from atlantis_netcfg.computers.bundle.manifest import BundleFile, HostPart, Keys
 
 _TAR_RECORD = 10240
 """An archive ends with a whole record (tar(5)); a file has a block of 512 bytes before it and is filled up to one."""

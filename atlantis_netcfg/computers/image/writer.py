@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.image.blocks import BlockDevice, BlockTree, same
-from atlantis_netcfg.image.facts import CardUnfinished, DeviceRefused
-from atlantis_netcfg.image.source import Segment, SourceKind
+from atlantis_netcfg.computers.image.blocks import BlockDevice, BlockTree, same
+from atlantis_netcfg.computers.image.facts import CardUnfinished, DeviceRefused
+from atlantis_netcfg.computers.image.source import Segment, SourceKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

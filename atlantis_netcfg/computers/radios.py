@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.parts import Brought, Check, ConvergeStep, File, Package, Unit
+from atlantis_netcfg.computers.parts import Brought, Check, ConvergeStep, File, Package, Unit
 from atlantis_netcfg.inventory import channels
 from atlantis_netcfg.inventory.model import Gateway, SeenFrom, WifiRole
 from atlantis_netcfg.routeros.render import environment

@@ -26,12 +26,12 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.op
     binary,
     public_keys,
 )
+from atlantis_netcfg.computers.parts import Configuration, ConvergeStep, File, Package
+from atlantis_netcfg.computers.recording import packages as recorder
+from atlantis_netcfg.computers.recording import recording
+from atlantis_netcfg.computers.ros1_bridge import packages as bridge
+from atlantis_netcfg.computers.ros1_bridge import ros1_bridge
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Package
-from atlantis_netcfg.gateway.recording import packages as recorder
-from atlantis_netcfg.gateway.recording import recording
-from atlantis_netcfg.gateway.ros1_bridge import packages as bridge
-from atlantis_netcfg.gateway.ros1_bridge import ros1_bridge
 from atlantis_netcfg.inventory.model import (
     Dds,
     Gateway,

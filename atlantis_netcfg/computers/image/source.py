@@ -22,7 +22,7 @@ from enum import Enum, auto
 from typing import IO, TYPE_CHECKING, cast
 from xml.etree import ElementTree as ET
 
-from atlantis_netcfg.image.facts import ImageRefused
+from atlantis_netcfg.computers.image.facts import ImageRefused
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway import containers
-from atlantis_netcfg.gateway.containers import PodmanContainer
-from atlantis_netcfg.gateway.parts import Brought, Check, Configuration, ConvergeStep, Directory, File, Unit, run_on
+from atlantis_netcfg.computers import containers
+from atlantis_netcfg.computers.containers import PodmanContainer
+from atlantis_netcfg.computers.parts import Brought, Check, Configuration, ConvergeStep, Directory, File, Unit, run_on
 from atlantis_netcfg.inventory.model import ROS1_BRIDGE, ServiceContainer
 from atlantis_netcfg.routeros.render import environment
 

@@ -11,9 +11,8 @@ import subprocess
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core import temporary
-from atlantis_netcfg.image.ext4 import DiskLayout, Ext4, find, tool
-from atlantis_netcfg.image.facts import (
+from atlantis_netcfg.computers.image.ext4 import DiskLayout, Ext4, find, tool
+from atlantis_netcfg.computers.image.facts import (
     Account,
     ImageDirectory,
     ImageFacts,
@@ -23,12 +22,13 @@ from atlantis_netcfg.image.facts import (
     ImageRequest,
     Remove,
 )
+from atlantis_netcfg.core import temporary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.image.facts import Edit, StaticNetwork
+    from atlantis_netcfg.computers.image.facts import Edit, StaticNetwork
 
 
 PASSWD, SHADOW = "/etc/passwd", "/etc/shadow"

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network, collapse_addresses
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.gateway import radios
-from atlantis_netcfg.gateway import services as hosted
-from atlantis_netcfg.gateway.dds_link import DdsLink, dds_link, dds_link_unit
-from atlantis_netcfg.gateway.parts import (
+from atlantis_netcfg.computers import radios
+from atlantis_netcfg.computers import services as hosted
+from atlantis_netcfg.computers.dds_link import DdsLink, dds_link, dds_link_unit
+from atlantis_netcfg.computers.parts import (
     Check,
     Configuration,
     ConvergeStep,
@@ -29,9 +29,9 @@ from atlantis_netcfg.gateway.parts import (
     WayIn,
     computer_network,
 )
-from atlantis_netcfg.gateway.reflector import QUALIFY_SECRET, far_end, measured_at, reflector
-from atlantis_netcfg.gateway.retrieval import packages as retrieval_packages
-from atlantis_netcfg.gateway.retrieval import retrieval
+from atlantis_netcfg.computers.reflector import QUALIFY_SECRET, far_end, measured_at, reflector
+from atlantis_netcfg.computers.retrieval import packages as retrieval_packages
+from atlantis_netcfg.computers.retrieval import retrieval
 from atlantis_netcfg.inventory.model import (
     REFLECTOR_PORT,
     DdsPath,

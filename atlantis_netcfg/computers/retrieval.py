@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Unit, run_on
+from atlantis_netcfg.computers.parts import Check, Configuration, ConvergeStep, File, Unit, run_on
 from atlantis_netcfg.inventory.model import COLLECTED, RetrievalRobot, ServerComputer
 from atlantis_netcfg.routeros.render import environment
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Unit, run_on
-from atlantis_netcfg.gateway.services import (
+from atlantis_netcfg.computers.parts import Configuration, ConvergeStep, File, Unit, run_on
+from atlantis_netcfg.computers.services import (
     BRIDGE_RUNS_NOT,
     START_BRIDGE,
     StartedService,

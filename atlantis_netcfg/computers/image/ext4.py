@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.computers.image.facts import Edit, ImageDirectory, ImageFile, ImageLink, ImageRefused, Remove
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.image.facts import Edit, ImageDirectory, ImageFile, ImageLink, ImageRefused, Remove
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

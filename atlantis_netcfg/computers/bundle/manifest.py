@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from atlantis_netcfg.bundle.requirements import BundleRefused
+from atlantis_netcfg.computers.bundle.requirements import BundleRefused
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.paths import private_directory
 from atlantis_netcfg.runs import write_atomically

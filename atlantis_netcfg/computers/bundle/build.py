@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urljoin, urlsplit
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.bundle.manifest import (
+from atlantis_netcfg.computers.bundle.manifest import (
     KEY,
     MANIFEST,
     SIGNATURE,
@@ -37,14 +37,14 @@ from atlantis_netcfg.bundle.manifest import (
     content_id,
     run,
 )
-from atlantis_netcfg.bundle.requirements import BundleRefused
-from atlantis_netcfg.bundle.resolve import Fetched, Root, index, read_package, sha256_of
+from atlantis_netcfg.computers.bundle.requirements import BundleRefused
+from atlantis_netcfg.computers.bundle.resolve import Fetched, Root, index, read_package, sha256_of
 from atlantis_netcfg.core.paths import hold_own
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.requirements import (
+    from atlantis_netcfg.computers.bundle.requirements import (
         BundleTarget,
         HostRequirements,
         Library,

@@ -19,13 +19,19 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
-from atlantis_netcfg.bundle.manifest import BundleSigner, program, run
-from atlantis_netcfg.bundle.requirements import BundleRefused, PackageSource, RequirementKey, paragraphs, refused
+from atlantis_netcfg.computers.bundle.manifest import BundleSigner, program, run
+from atlantis_netcfg.computers.bundle.requirements import (
+    BundleRefused,
+    PackageSource,
+    RequirementKey,
+    paragraphs,
+    refused,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.bundle.requirements import BundleTarget, HostRequirements, PackageRequirement
+    from atlantis_netcfg.computers.bundle.requirements import BundleTarget, HostRequirements, PackageRequirement
 
 _URI = re.compile(r"'(?P<uri>[^']+)' (?P<name>\S+) (?P<size>\d+) SHA256:(?P<sha256>[0-9a-f]{64})")
 _STATUS = re.compile(r"dlstatus:\d+:(?P<share>[0-9.]+):")

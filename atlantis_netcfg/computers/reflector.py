@@ -14,8 +14,8 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Unit
-from atlantis_netcfg.gateway.services import HOLDS_PORT
+from atlantis_netcfg.computers.parts import Check, Configuration, ConvergeStep, File, Unit
+from atlantis_netcfg.computers.services import HOLDS_PORT
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ServerComputer
 from atlantis_netcfg.routeros.render import environment
 

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
+from atlantis_netcfg.computers.dds_link import links_without_dds
+from atlantis_netcfg.computers.interop import SERVICE
+from atlantis_netcfg.computers.recording import SERVICE as RECORDING
+from atlantis_netcfg.computers.ros1_bridge import SERVICE as BRIDGE_OF_PACKAGES
+from atlantis_netcfg.computers.services import BRIDGE, ENVIRONMENT, PROFILES
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.gateway.dds_link import links_without_dds
-from atlantis_netcfg.gateway.interop import SERVICE
-from atlantis_netcfg.gateway.recording import SERVICE as RECORDING
-from atlantis_netcfg.gateway.ros1_bridge import SERVICE as BRIDGE_OF_PACKAGES
-from atlantis_netcfg.gateway.services import BRIDGE, ENVIRONMENT, PROFILES
 from atlantis_netcfg.inventory.model import (
     BearerKind,
     ControlCentre,

@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.parts import Configuration, File, Unit
-from atlantis_netcfg.gateway.reflector import taken_away
+from atlantis_netcfg.computers.parts import Configuration, File, Unit
+from atlantis_netcfg.computers.reflector import taken_away
 from atlantis_netcfg.inventory.model import ServerComputer, VpnServer
 from atlantis_netcfg.routeros.render import environment
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Package, Unit
-from atlantis_netcfg.gateway.services import ENVIRONMENT, VPN_INTERFACE, with_the_vpn
+from atlantis_netcfg.computers.parts import Check, Configuration, ConvergeStep, File, Package, Unit
+from atlantis_netcfg.computers.services import ENVIRONMENT, VPN_INTERFACE, with_the_vpn
 from atlantis_netcfg.inventory.model import ServerComputer
 from atlantis_netcfg.routeros.render import environment
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.parts import Check, ConvergeStep, File, Unit
+from atlantis_netcfg.computers.parts import Check, ConvergeStep, File, Unit
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:

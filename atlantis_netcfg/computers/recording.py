@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Unit, run_on
-from atlantis_netcfg.gateway.services import StartedService, runs_with_the_vpn, with_the_vpn
+from atlantis_netcfg.computers.parts import Configuration, ConvergeStep, File, Unit, run_on
+from atlantis_netcfg.computers.services import StartedService, runs_with_the_vpn, with_the_vpn
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
