@@ -23,9 +23,9 @@ from atlantis_netcfg.cli._output import json_text
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.asbuilt.record import AsBuiltRecord
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
 
 ASBUILT = CommandSpec(
     "asbuilt",
@@ -56,10 +56,10 @@ def run_asbuilt(arguments: Arguments) -> ExitCode:
     """Ask every device at once, keep the record, tell."""
     import sys
 
-    from atlantis_netcfg.asbuilt.pages import rows
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core import printable
     from atlantis_netcfg.inventory import choose
+    from atlantis_netcfg.records.asbuilt.pages import rows
 
     _refuse_all(arguments.word("site"))
     with session(
@@ -91,10 +91,10 @@ def _made(opened: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
     import hashlib
     import json
 
-    from atlantis_netcfg.asbuilt.kept import FILE, folder_of, keep, latest, new_folder
-    from atlantis_netcfg.asbuilt.pages import html
-    from atlantis_netcfg.asbuilt.paper import labels_pdf, pdf
-    from atlantis_netcfg.asbuilt.record import compared
+    from atlantis_netcfg.records.asbuilt.archive import FILE, folder_of, keep, latest, new_folder
+    from atlantis_netcfg.records.asbuilt.pages import html
+    from atlantis_netcfg.records.asbuilt.pdf import labels_pdf, pdf
+    from atlantis_netcfg.records.asbuilt.record import compared
     from atlantis_netcfg.runs import utc_now
 
     kept = folder_of(opened.store, opened.site)
@@ -117,11 +117,11 @@ def _read(opened: CommandSession) -> AsBuiltRecord:
     import asyncio
 
     from atlantis_netcfg import __version__
-    from atlantis_netcfg.asbuilt.look import SiteLook, look_at
-    from atlantis_netcfg.asbuilt.record import AsBuiltRecord
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.records.asbuilt.collect import SiteLook, look_at
+    from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
     from atlantis_netcfg.runs import utc_now
 
     declaration = opened.declaration

@@ -136,7 +136,7 @@ def _unit(declaration: Declaration, bearer: Bearer) -> Host | None:
 
 def _facts(opened: CommandSession, bearer: Bearer, request: Request) -> dict[str, str]:
     """What the box of a 4G link says: nothing of it goes over the link itself."""
-    from atlantis_netcfg.survey.radio import UnitRadio, facts_of
+    from atlantis_netcfg.records.survey.radio import UnitRadio, facts_of
 
     unit = _unit(opened.declaration, bearer)
     return {} if unit is None else facts_of(UnitRadio(opened.declaration, unit, request, opened.store).read())
@@ -240,7 +240,7 @@ def _link(
     from atlantis_netcfg.operations.qualify.emulation import emulated_link
     from atlantis_netcfg.operations.qualify.result import QualifyResult
     from atlantis_netcfg.operations.qualify.run import LinkRun
-    from atlantis_netcfg.qualify_pages import write_pages
+    from atlantis_netcfg.records.qualify import write_pages
     from atlantis_netcfg.runs import make_private, new_run, os_errors_as
 
     now = datetime.now(UTC)

@@ -65,7 +65,7 @@ def run_qualify_show(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.printable import show
     from atlantis_netcfg.links.qualify.archive import kept_run, kept_runs, record_of
     from atlantis_netcfg.links.qualify.judgement import profile
-    from atlantis_netcfg.qualify_pages.pages import rows
+    from atlantis_netcfg.records.qualify.pages import rows
 
     site, run, link = arguments.word("site"), arguments.optional("run"), arguments.optional("link")
     if run is not None and link is not None:
@@ -95,7 +95,7 @@ def run_qualify_compare(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.printable import show
     from atlantis_netcfg.links.qualify.archive import kept_run, record_of
     from atlantis_netcfg.links.qualify.compare import compared
-    from atlantis_netcfg.qualify_pages.several import comparison_rows
+    from atlantis_netcfg.records.qualify.several import comparison_rows
 
     site, runs, store = arguments.word("site"), arguments.many("runs"), _store(arguments)
     if len(runs) != 2:  # noqa: PLR2004 - A and B
@@ -119,7 +119,7 @@ def run_qualify_history(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.printable import show
     from atlantis_netcfg.links.qualify.archive import kept_runs, record_of
-    from atlantis_netcfg.qualify_pages.several import history_rows
+    from atlantis_netcfg.records.qualify.several import history_rows
 
     site = arguments.word("site")
     kept = kept_runs(_store(arguments), site, arguments.optional("link"))

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.links.qualify.samples import Sample
-    from atlantis_netcfg.survey.exports import Coast
-    from atlantis_netcfg.survey.measure import RunningSurvey, SurveyPlan
-    from atlantis_netcfg.survey.points import SurveyLine, SurveyPoint
-    from atlantis_netcfg.survey.site import SiteSurvey
+    from atlantis_netcfg.records.survey.exports import Coast
+    from atlantis_netcfg.records.survey.measure import RunningSurvey, SurveyPlan
+    from atlantis_netcfg.records.survey.points import SurveyLine, SurveyPoint
+    from atlantis_netcfg.records.survey.site import SiteSurvey
 
 SURVEY = CommandSpec(
     "survey",
@@ -68,7 +68,7 @@ def run_survey(arguments: Arguments) -> ExitCode:
     """Take points until the time is over or a person stops it, then make the files."""
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.inventory import choose
-    from atlantis_netcfg.survey.radio import surveyed_link, unit_of
+    from atlantis_netcfg.records.survey.radio import surveyed_link, unit_of
 
     plan = _plan(arguments)
     coast = _coast(arguments)
@@ -104,7 +104,7 @@ def _plan(arguments: Arguments) -> SurveyPlan:
     from dataclasses import replace
 
     from atlantis_netcfg.operations.link_use import span_s
-    from atlantis_netcfg.survey.measure import SurveyPlan, hourly_bytes, steps
+    from atlantis_netcfg.records.survey.measure import SurveyPlan, hourly_bytes, steps
 
     step_m, step_s = steps(arguments.optional("every"))
     span = arguments.optional("for")
@@ -119,7 +119,7 @@ _REHEARSED_S = 1200.0
 
 
 def _coast(arguments: Arguments) -> Coast | None:
-    from atlantis_netcfg.survey.exports import named_coast
+    from atlantis_netcfg.records.survey.exports import named_coast
 
     named = arguments.optional("coast")
     return None if named is None else named_coast(named)
@@ -127,8 +127,8 @@ def _coast(arguments: Arguments) -> Coast | None:
 
 def _made_again(arguments: Arguments, coast: Coast | None) -> ExitCode:
     from atlantis_netcfg.core import paths
+    from atlantis_netcfg.records.survey.archive import folder_of, kept_survey
     from atlantis_netcfg.runs import Store
-    from atlantis_netcfg.survey.kept import folder_of, kept_survey
 
     rehearsed = arguments.flag("rehearse")
     store = Store(paths.state_dir(), rehearsed=rehearsed)
@@ -143,10 +143,10 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     from atlantis_netcfg.links.qualify.samples import SampleWriter
     from atlantis_netcfg.operations.qualify.far_end import open_far_end
     from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.records.survey.archive import folder_of, new_folder
+    from atlantis_netcfg.records.survey.points import SAMPLES_FILE, SURVEY_FILE, SurveyEnd, SurveyWriter
+    from atlantis_netcfg.records.survey.positions import GpsdSource
     from atlantis_netcfg.runs import os_errors_as, utc_now
-    from atlantis_netcfg.survey.kept import folder_of, new_folder
-    from atlantis_netcfg.survey.points import SAMPLES_FILE, SURVEY_FILE, SurveyEnd, SurveyWriter
-    from atlantis_netcfg.survey.positions import GpsdSource
 
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     site = _site(opened, plan)
@@ -185,8 +185,8 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
 
 def _site(opened: CommandSession, plan: SurveyPlan) -> SiteSurvey:
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.survey.radio import surveyed_link
-    from atlantis_netcfg.survey.site import SiteSurvey
+    from atlantis_netcfg.records.survey.radio import surveyed_link
+    from atlantis_netcfg.records.survey.site import SiteSurvey
 
     arguments, unit, twins = opened.arguments, opened.hosts[0], opened.rehearsal
 
@@ -247,8 +247,8 @@ def _begin_words(opened: CommandSession, survey: RunningSurvey) -> None:
 def _by_clicks(survey: RunningSurvey) -> str:
     """Take a point for each position that a person types; why it ended."""
     from atlantis_netcfg.links.qualify.session import EndReason
-    from atlantis_netcfg.survey.measure import STOPPED
-    from atlantis_netcfg.survey.site import TypedPositions
+    from atlantis_netcfg.records.survey.measure import STOPPED
+    from atlantis_netcfg.records.survey.site import TypedPositions
 
     assert isinstance(survey.positions, TypedPositions)  # noqa: S101 - `--clicks` has chosen it
     survey.begin()
@@ -282,9 +282,9 @@ def _report(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: 
     """Make the files, and say what there is."""
     from pathlib import Path
 
-    from atlantis_netcfg.survey.kept import EXPORTS, export, outcome
-    from atlantis_netcfg.survey.page import missing, summary
-    from atlantis_netcfg.survey.rehearsed import NOT_REHEARSED
+    from atlantis_netcfg.records.survey.archive import EXPORTS, export, outcome
+    from atlantis_netcfg.records.survey.page import missing, summary
+    from atlantis_netcfg.records.survey.rehearsal import NOT_REHEARSED
 
     named = arguments.optional("to")
     survey = export(folder, coast, None if named is None else Path(named))

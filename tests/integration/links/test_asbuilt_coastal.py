@@ -12,12 +12,12 @@ import pytest
 from links_bench import PATIENCE_S, Bench, bench
 from waiting import HANG_S
 
-from atlantis_netcfg.asbuilt.look import SiteLook
-from atlantis_netcfg.asbuilt.record import AsBuiltRecord, DeviceRecord, Link, Origin, ReadState, compared
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory import choose
 from atlantis_netcfg.inventory.model import NumberMask
+from atlantis_netcfg.records.asbuilt.collect import SiteLook
+from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord, DeviceRecord, Link, Origin, ReadState, compared
 from atlantis_netcfg.runs import utc_now
 
 pytestmark = pytest.mark.slow

@@ -13,9 +13,9 @@ from waiting import wait_until
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import TwinSpec
+from atlantis_netcfg.records.survey.radio import UnitRadio
 from atlantis_netcfg.runs import Store
 from atlantis_netcfg.runs.report.links import LinksReport
-from atlantis_netcfg.survey.radio import UnitRadio
 
 pytestmark = pytest.mark.slow
 

@@ -15,11 +15,11 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.records.survey.measure import SurveyPlan
+from atlantis_netcfg.records.survey.positions import GpsdSource, NoPosition, TrackPosition
+from atlantis_netcfg.records.survey.radio import surveyed_link
+from atlantis_netcfg.records.survey.site import SiteSurvey
 from atlantis_netcfg.runs import Store
-from atlantis_netcfg.survey.measure import SurveyPlan
-from atlantis_netcfg.survey.positions import GpsdSource, NoPosition, TrackPosition
-from atlantis_netcfg.survey.radio import surveyed_link
-from atlantis_netcfg.survey.site import SiteSurvey
 
 GATEWAY = "te4sea-gateway"
 

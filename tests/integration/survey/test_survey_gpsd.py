@@ -13,10 +13,10 @@ from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd, RunningNmea
-from atlantis_netcfg.survey.measure import SurveyPlan
-from atlantis_netcfg.survey.points import SurveyPoint
-from atlantis_netcfg.survey.positions import GpsdSource, NoPosition, TrackPosition
-from atlantis_netcfg.survey.rehearsed import Voyage
+from atlantis_netcfg.records.survey.measure import SurveyPlan
+from atlantis_netcfg.records.survey.points import SurveyPoint
+from atlantis_netcfg.records.survey.positions import GpsdSource, NoPosition, TrackPosition
+from atlantis_netcfg.records.survey.rehearsal import Voyage
 
 NEAR_M, AGREE, LIMIT = 10.0, 0.99, 2_000_000
 

@@ -19,11 +19,11 @@ from atlantis_netcfg.links.qualify.reflector.answering import Reflector
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.lte.units import emulated_units
 from atlantis_netcfg.operations.qualify.far_end import key_of
+from atlantis_netcfg.records.survey.measure import SurveyPlan
+from atlantis_netcfg.records.survey.positions import TrackPosition
+from atlantis_netcfg.records.survey.radio import surveyed_link
+from atlantis_netcfg.records.survey.site import SiteSurvey, TypedPositions
 from atlantis_netcfg.runs import Store
-from atlantis_netcfg.survey.measure import SurveyPlan
-from atlantis_netcfg.survey.positions import TrackPosition
-from atlantis_netcfg.survey.radio import surveyed_link
-from atlantis_netcfg.survey.site import SiteSurvey, TypedPositions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.links.qualify.samples import Sample
-    from atlantis_netcfg.survey.points import SurveyPoint
+    from atlantis_netcfg.records.survey.points import SurveyPoint
 
 
 @contextmanager
@@ -101,7 +101,7 @@ def test_a_computer_without_a_way_to_the_far_end_says_so(tmp_path: Path, monkeyp
     def unreachable(_far_end: tuple[str, int]) -> None:
         raise OSError(errno.ENETUNREACH, "Network is unreachable")
 
-    monkeypatch.setattr("atlantis_netcfg.survey.site.UdpTransport", unreachable)
+    monkeypatch.setattr("atlantis_netcfg.records.survey.site.UdpTransport", unreachable)
     link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(tmp_path, rehearsed=True)
     request = Request(state=tmp_path, mode=Mode.DRIFT)
     site = SiteSurvey(DECLARATION, link, UNIT, request, store, SurveyPlan())

@@ -17,11 +17,11 @@ from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.lte.units import emulated_units
+from atlantis_netcfg.records.survey.measure import LinkTester, RunningSurvey, SurveyPlan
+from atlantis_netcfg.records.survey.points import SurveyPoint
+from atlantis_netcfg.records.survey.radio import UnitRadio
+from atlantis_netcfg.records.survey.rehearsal import KEY, START, DeclaredRate, Voyage, VoyageRadio, gpsd_reports
 from atlantis_netcfg.runs import Store
-from atlantis_netcfg.survey.measure import LinkTester, RunningSurvey, SurveyPlan
-from atlantis_netcfg.survey.points import SurveyPoint
-from atlantis_netcfg.survey.radio import UnitRadio
-from atlantis_netcfg.survey.rehearsed import KEY, START, DeclaredRate, Voyage, VoyageRadio, gpsd_reports
 
 PORT = (41.6864, -8.8388)
 RATE = DeclaredRate(0.08, 5e6, 5e6)

@@ -3,7 +3,8 @@
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from atlantis_netcfg.asbuilt.record import (
+from atlantis_netcfg.inventory.model import NumberMask
+from atlantis_netcfg.records.asbuilt.record import (
     AsBuiltRecord,
     DeviceRecord,
     Fact,
@@ -13,7 +14,6 @@ from atlantis_netcfg.asbuilt.record import (
     PortRecord,
     ReadState,
 )
-from atlantis_netcfg.inventory.model import NumberMask
 
 AT = datetime(2026, 11, 25, 10, 0, tzinfo=UTC)
 LATER = AT + timedelta(days=1)

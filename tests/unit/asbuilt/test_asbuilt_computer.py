@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.asbuilt import computer
-from atlantis_netcfg.asbuilt.look import SiteLook
-from atlantis_netcfg.asbuilt.record import DeviceRecord, Link, Origin, ReadState
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Trouble
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.reading_programs import allowed
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.records.asbuilt import computer
+from atlantis_netcfg.records.asbuilt.collect import SiteLook
+from atlantis_netcfg.records.asbuilt.record import DeviceRecord, Link, Origin, ReadState
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
-from atlantis_netcfg.asbuilt.look import JournalFacts
-from atlantis_netcfg.asbuilt.record import DeviceRecord, Fact, Origin, ReadState
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.records.asbuilt.collect import JournalFacts
+from atlantis_netcfg.records.asbuilt.record import DeviceRecord, Fact, Origin, ReadState
 from atlantis_netcfg.runs import Outcome, Purpose, RunEnded, RunStarted, Store
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")

@@ -8,12 +8,12 @@ import pytest
 from asbuilt_examples import AT, GATEWAY, away, port, record, router, terminal
 from PIL import Image
 
-from atlantis_netcfg.asbuilt.pages import html, rows
-from atlantis_netcfg.asbuilt.paper import labels_of, labels_pdf, pdf
-from atlantis_netcfg.asbuilt.record import Fact, Origin, compared
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.inventory.model import AsBuilt
+from atlantis_netcfg.records.asbuilt.pages import html, rows
+from atlantis_netcfg.records.asbuilt.pdf import labels_of, labels_pdf, pdf
+from atlantis_netcfg.records.asbuilt.record import Fact, Origin, compared
 
 DIGEST = "0123456789abcdef" * 4
 PLACE = "real/coastal/asbuilt/20261125T100000Z"

@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 from asbuilt_examples import AT, GATEWAY, LATER, away, port, read, record, router, terminal
 
-from atlantis_netcfg.asbuilt.kept import FILE, keep, latest, new_folder, parsed
-from atlantis_netcfg.asbuilt.record import (
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.inventory.model import NumberMask
+from atlantis_netcfg.records.asbuilt.archive import FILE, keep, latest, new_folder, parsed
+from atlantis_netcfg.records.asbuilt.record import (
     AsBuiltRecord,
     DeviceRecord,
     Fact,
@@ -18,8 +20,6 @@ from atlantis_netcfg.asbuilt.record import (
     masked,
     report_tables,
 )
-from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.inventory.model import NumberMask
 from atlantis_netcfg.runs import JournalFailed, StateDamaged
 
 NUMBER = "001017000001234"

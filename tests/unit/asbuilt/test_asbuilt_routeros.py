@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.asbuilt import routeros
-from atlantis_netcfg.asbuilt.record import Link, Origin
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import Called, Environment, ModemSpec, RouterSpec, User
 from atlantis_netcfg.inventory.model import NumberMask
+from atlantis_netcfg.records.asbuilt import routeros
+from atlantis_netcfg.records.asbuilt.record import Link, Origin
 from atlantis_netcfg.routeros.api import Command, Reply, Trap
 
 PORTS = ("ether1", "ether2", "ether3", "ether4", "ether5")

@@ -20,11 +20,11 @@ from atlantis_netcfg.links.qualify.grids import SHAPE_UNKNOWN
 from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.links.qualify.samples import read
-from atlantis_netcfg.qualify_pages import write_pages
-from atlantis_netcfg.qualify_pages.pages import html, pdf, rows
-from atlantis_netcfg.qualify_pages.plots import WIDTH, Plot, plots
-from atlantis_netcfg.qualify_pages.sections import EMULATED, seconds, sections
-from atlantis_netcfg.qualify_pages.several import comparison_rows
+from atlantis_netcfg.records.qualify import write_pages
+from atlantis_netcfg.records.qualify.pages import html, pdf, rows
+from atlantis_netcfg.records.qualify.plots import WIDTH, Plot, plots
+from atlantis_netcfg.records.qualify.sections import EMULATED, seconds, sections
+from atlantis_netcfg.records.qualify.several import comparison_rows
 
 SVG = "{http://www.w3.org/2000/svg}"
 HOSTILE = "EXAMPLE\x1b[2J<script>alert(1)</script>\u202e"

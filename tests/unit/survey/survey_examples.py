@@ -7,9 +7,9 @@ from typing import Any
 from atlantis_netcfg.emulator.coverage import Coverage, PlaceTruth, out_and_back, two_masts
 from atlantis_netcfg.links.qualify.samples import Sample
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
-from atlantis_netcfg.survey.measure import LinkTester, RadioReader, RadioSample, RunningSurvey, SurveyPlan
-from atlantis_netcfg.survey.points import Survey, SurveyEnd, SurveyHeader, SurveyPoint
-from atlantis_netcfg.survey.rehearsed import KEY, DeclaredRate, Voyage, VoyageRadio
+from atlantis_netcfg.records.survey.measure import LinkTester, RadioReader, RadioSample, RunningSurvey, SurveyPlan
+from atlantis_netcfg.records.survey.points import Survey, SurveyEnd, SurveyHeader, SurveyPoint
+from atlantis_netcfg.records.survey.rehearsal import KEY, DeclaredRate, Voyage, VoyageRadio
 
 PORT = (41.6864, -8.8388)
 """The report's point in the port."""

@@ -7,9 +7,9 @@ import pytest
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.gnss import encode_reports
-from atlantis_netcfg.survey.measure import hourly_bytes, steps
-from atlantis_netcfg.survey.positions import GpsdStream, NoPosition, TrackPosition, gpsd_address, typed_position
-from atlantis_netcfg.survey.site import TypedPositions
+from atlantis_netcfg.records.survey.measure import hourly_bytes, steps
+from atlantis_netcfg.records.survey.positions import GpsdStream, NoPosition, TrackPosition, gpsd_address, typed_position
+from atlantis_netcfg.records.survey.site import TypedPositions
 
 START = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)
 DEVICE = "/dev/ttyACM0"

@@ -9,7 +9,7 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.survey import _by_clicks, _line
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.links.qualify.session import EndReason
-from atlantis_netcfg.survey.site import TypedPositions
+from atlantis_netcfg.records.survey.site import TypedPositions
 
 
 @pytest.mark.parametrize(

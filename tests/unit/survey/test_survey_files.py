@@ -11,10 +11,17 @@ from survey_examples import header, point, survey
 
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
-from atlantis_netcfg.survey.exports import COLUMNS, csv_table, geojson, named_coast, read_coast
-from atlantis_netcfg.survey.kept import export, kept_survey, outcome
-from atlantis_netcfg.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, html, layers
-from atlantis_netcfg.survey.points import SURVEY_FILE, Survey, SurveyEnd, SurveyUnreadable, SurveyWriter, read_survey
+from atlantis_netcfg.records.survey.archive import export, kept_survey, outcome
+from atlantis_netcfg.records.survey.exports import COLUMNS, csv_table, geojson, named_coast, read_coast
+from atlantis_netcfg.records.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, html, layers
+from atlantis_netcfg.records.survey.points import (
+    SURVEY_FILE,
+    Survey,
+    SurveyEnd,
+    SurveyUnreadable,
+    SurveyWriter,
+    read_survey,
+)
 
 HERE = {"latitude": 41.6864, "longitude": -8.8388}
 HEARD = {"registration": "registered_home", "technology": "lte", "cell": "3103242", "rsrp_dbm": -95.0}

@@ -10,8 +10,15 @@ from atlantis_netcfg.emulator.coverage import PlaceTruth
 from atlantis_netcfg.links.qualify.reflector.stamp import AUTHENTICATED_SIZE, CHUNK_HEADER_SIZE, HMAC_TLV_SIZE
 from atlantis_netcfg.links.qualify.samples import MessageEnded
 from atlantis_netcfg.links.qualify.session import EndReason
-from atlantis_netcfg.survey.measure import ANOTHER_LINK, BUDGET, NO_ANSWER, STOPPED, HourlyBudgetError, SurveyPlan
-from atlantis_netcfg.survey.points import SurveyPoint
+from atlantis_netcfg.records.survey.measure import (
+    ANOTHER_LINK,
+    BUDGET,
+    NO_ANSWER,
+    STOPPED,
+    HourlyBudgetError,
+    SurveyPlan,
+)
+from atlantis_netcfg.records.survey.points import SurveyPoint
 
 HEADERS = 28
 NEAR_M = 10.0

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.asbuilt import computer as record
 from atlantis_netcfg.checklist.probes import CommandResult, wifi
 from atlantis_netcfg.core.reading_programs import PROGRAMS, allowed
 from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.records.asbuilt import computer as record
 
 NOW = 1795341600.0
 BSSID = "02:00:5E:00:FD:01"

@@ -19,8 +19,8 @@ from atlantis_netcfg.operations.links.look import session_to
 from atlantis_netcfg.operations.links.session import rows
 from atlantis_netcfg.operations.links.status import read_by_driver, read_routeros
 from atlantis_netcfg.operations.lte.units import LteUnit
+from atlantis_netcfg.records.survey.measure import RadioSample
 from atlantis_netcfg.routeros.api import Command
-from atlantis_netcfg.survey.measure import RadioSample
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from jinja2 import Environment
 
-    from atlantis_netcfg.survey.exports import Coast
-    from atlantis_netcfg.survey.points import Survey, SurveyPoint
+    from atlantis_netcfg.records.survey.exports import Coast
+    from atlantis_netcfg.records.survey.points import Survey, SurveyPoint
 
 PAGE_FILE: Final = "survey.html"
 _WIDTH: Final = 760.0
@@ -274,6 +274,6 @@ def html(survey: Survey, coast: Coast | None = None) -> bytes:
 
 @cache
 def _environment() -> Environment:
-    result = page_environment("atlantis_netcfg.survey")
+    result = page_environment("atlantis_netcfg.records.survey")
     result.globals.update(shapes=SHAPES)
     return result

@@ -9,19 +9,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, nearest
+from atlantis_netcfg.records.survey.exports import CSV_FILE, GEOJSON_FILE, csv_table, geojson
+from atlantis_netcfg.records.survey.page import PAGE_FILE, html
+from atlantis_netcfg.records.survey.points import SURVEY_FILE, read_survey
 from atlantis_netcfg.runs import make_private, new_run, os_errors_as, write_atomically
-from atlantis_netcfg.survey.exports import CSV_FILE, GEOJSON_FILE, csv_table, geojson
-from atlantis_netcfg.survey.page import PAGE_FILE, html
-from atlantis_netcfg.survey.points import SURVEY_FILE, read_survey
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
     from pathlib import Path
 
+    from atlantis_netcfg.records.survey.exports import Coast
+    from atlantis_netcfg.records.survey.points import Survey
     from atlantis_netcfg.runs import Store
-    from atlantis_netcfg.survey.exports import Coast
-    from atlantis_netcfg.survey.points import Survey
 
 EXPORTS: Final = (PAGE_FILE, GEOJSON_FILE, CSV_FILE)
 

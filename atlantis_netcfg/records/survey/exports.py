@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.survey.points import SurveyPoint
+from atlantis_netcfg.records.survey.points import SurveyPoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.survey.points import Survey
+    from atlantis_netcfg.records.survey.points import Survey
 
 GEOJSON_FILE: Final = "survey.geojson"
 CSV_FILE: Final = "survey.csv"

@@ -15,8 +15,11 @@ from typing import TYPE_CHECKING
 
 import segno
 
-from atlantis_netcfg.asbuilt.kept import FILE
-from atlantis_netcfg.asbuilt.pages import (
+from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Paper, printable
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.records.asbuilt.archive import FILE
+from atlantis_netcfg.records.asbuilt.pages import (
     anchor,
     checklist_words,
     closing,
@@ -31,17 +34,14 @@ from atlantis_netcfg.asbuilt.pages import (
     table_words,
     where,
 )
-from atlantis_netcfg.asbuilt.record import report_tables, title_of
-from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Paper, printable
-from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.records.asbuilt.record import report_tables, title_of
 from atlantis_netcfg.runs.report.page import unread
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.asbuilt.record import AsBuiltRecord, DeviceRecord, Fact, ReportTable
     from atlantis_netcfg.inventory.model import AsBuilt
+    from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord, DeviceRecord, Fact, ReportTable
 
 _INDENT = 5.0
 DIGITS = 16

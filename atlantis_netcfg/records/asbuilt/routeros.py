@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord, masked
 from atlantis_netcfg.links.lte.routeros import monitor_query
 from atlantis_netcfg.operations.links.session import command, rows
+from atlantis_netcfg.records.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord, masked
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:

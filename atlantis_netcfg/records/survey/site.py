@@ -17,11 +17,18 @@ from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.qualify.far_end import key_of
 from atlantis_netcfg.operations.vpn.link import ssh_command
-from atlantis_netcfg.survey.measure import LinkTester, RunningSurvey
-from atlantis_netcfg.survey.points import SurveyHeader
-from atlantis_netcfg.survey.positions import MAX_AGE_S, MAX_HDOP, GpsdSource, NoPosition, gpsd_address, typed_position
-from atlantis_netcfg.survey.radio import UnitRadio
-from atlantis_netcfg.survey.rehearsed import KEY, DeclaredRate, Voyage, VoyageRadio
+from atlantis_netcfg.records.survey.measure import LinkTester, RunningSurvey
+from atlantis_netcfg.records.survey.points import SurveyHeader
+from atlantis_netcfg.records.survey.positions import (
+    MAX_AGE_S,
+    MAX_HDOP,
+    GpsdSource,
+    NoPosition,
+    gpsd_address,
+    typed_position,
+)
+from atlantis_netcfg.records.survey.radio import UnitRadio
+from atlantis_netcfg.records.survey.rehearsal import KEY, DeclaredRate, Voyage, VoyageRadio
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,10 +39,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.records.survey.measure import SurveyPlan
+    from atlantis_netcfg.records.survey.points import SurveyPoint
+    from atlantis_netcfg.records.survey.positions import TrackPosition
     from atlantis_netcfg.runs import Store
-    from atlantis_netcfg.survey.measure import SurveyPlan
-    from atlantis_netcfg.survey.points import SurveyPoint
-    from atlantis_netcfg.survey.positions import TrackPosition
 
 _PORT_OF_VIANA = (41.6864, -8.8388)
 """Where an emulated voyage begins at a site without a geofence: the report's point."""

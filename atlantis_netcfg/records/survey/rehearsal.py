@@ -18,13 +18,13 @@ from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
 from atlantis_netcfg.links.qualify.reflector.answering import Reflector
 from atlantis_netcfg.links.qualify.session import SECOND
 from atlantis_netcfg.links.qualify.transport import Arrival
-from atlantis_netcfg.survey.positions import GpsdStream, NoPosition, TrackPosition
+from atlantis_netcfg.records.survey.positions import GpsdStream, NoPosition, TrackPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from atlantis_netcfg.emulator.coverage import Coverage, PlaceTruth, Track
-    from atlantis_netcfg.survey.measure import RadioReader, RadioSample
+    from atlantis_netcfg.records.survey.measure import RadioReader, RadioSample
 
 KEY: Final = b"EXAMPLE key of a rehearsal"
 START: Final = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)

@@ -18,8 +18,8 @@ def write_pages(folder: Path) -> QualifyRecord:
     Raises JournalFailed, StateDamaged, SamplesUnreadable.
     """
     from atlantis_netcfg.links.qualify.archive import keep_record, made_anew  # noqa: PLC0415
-    from atlantis_netcfg.qualify_pages.pages import PAGE_FILE, PAPER_FILE, html, pdf  # noqa: PLC0415
-    from atlantis_netcfg.qualify_pages.plots import plots  # noqa: PLC0415
+    from atlantis_netcfg.records.qualify.pages import PAGE_FILE, PAPER_FILE, html, pdf  # noqa: PLC0415
+    from atlantis_netcfg.records.qualify.plots import plots  # noqa: PLC0415
     from atlantis_netcfg.runs import os_errors_as, write_atomically  # noqa: PLC0415 - a page takes long to import
 
     record, samples = made_anew(folder)

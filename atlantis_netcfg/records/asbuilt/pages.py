@@ -5,7 +5,10 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.asbuilt.record import (
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, plain, wrapped
+from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.records.asbuilt.record import (
     FACTS,
     AsBuiltRecord,
     DeviceRecord,
@@ -19,9 +22,6 @@ from atlantis_netcfg.asbuilt.record import (
     shown,
     title_of,
 )
-from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, plain, wrapped
-from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.runs.report.page import page, page_environment
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ def table_words(table: ReportTable) -> str:
 
 @cache
 def _environment() -> Environment:
-    result = page_environment("atlantis_netcfg.asbuilt")
+    result = page_environment("atlantis_netcfg.records.asbuilt")
     result.globals.update(
         heading=heading,
         subtitle=subtitle,

@@ -11,12 +11,12 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord
 from atlantis_netcfg.checklist.probes import CommandResult, Place, RunProgram
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.inventory.model import Gateway
 from atlantis_netcfg.operations.computers._access import is_server
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, SERVER, concerns
+from atlantis_netcfg.records.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord
 from atlantis_netcfg.vpn.server import PACKAGES as SERVER_PACKAGES
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from atlantis_netcfg.asbuilt.record import AsBuiltRecord
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
 from atlantis_netcfg.runs import StateDamaged, make_private, new_run, os_errors_as, run_order, write_atomically
 
 if TYPE_CHECKING:

@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.asbuilt import computer, routeros
-from atlantis_netcfg.asbuilt.record import DeviceRecord, Fact, Origin, PortRecord, ReadState, Spent, masked
 from atlantis_netcfg.checklist.history import VehicleState, books
 from atlantis_netcfg.checklist.runner._real import ask_gateway
 from atlantis_netcfg.core.errors import NetcfgError, complete
@@ -33,6 +31,8 @@ from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.links.look import LinkQueries, bills, session_to
 from atlantis_netcfg.operations.lte.units import LteUnit
+from atlantis_netcfg.records.asbuilt import computer, routeros
+from atlantis_netcfg.records.asbuilt.record import DeviceRecord, Fact, Origin, PortRecord, ReadState, Spent, masked
 from atlantis_netcfg.runs import Purpose, Run, Store
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
-from atlantis_netcfg.qualify_pages.sections import (
+from atlantis_netcfg.records.qualify.sections import (
     EMULATED,
     FigureTable,
     PageSection,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.report._pdf._sheet import Paper
     from atlantis_netcfg.links.qualify.record import QualifyRecord
-    from atlantis_netcfg.qualify_pages.plots import Plot
+    from atlantis_netcfg.records.qualify.plots import Plot
 
 PAGE_FILE: Final = "page.html"
 PAPER_FILE: Final = "page.pdf"
@@ -131,7 +131,7 @@ def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
 
 @cache
 def _environment() -> Environment:
-    result = page_environment("atlantis_netcfg.qualify_pages")
+    result = page_environment("atlantis_netcfg.records.qualify")
     result.globals.update(in_words=in_words)
     return result
 

@@ -20,8 +20,8 @@ from atlantis_netcfg.links.qualify.reflector.stamp import ACKNOWLEDGEMENT_SIZE, 
 from atlantis_netcfg.links.qualify.samples import MessageEnded, ReplyReceived
 from atlantis_netcfg.links.qualify.session import SECOND, EndReason, Train, TrainPlan, run
 from atlantis_netcfg.links.qualify.transfers import message_figures
-from atlantis_netcfg.survey.points import SurveyPoint
-from atlantis_netcfg.survey.positions import TrackPosition
+from atlantis_netcfg.records.survey.points import SurveyPoint
+from atlantis_netcfg.records.survey.positions import TrackPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer
     from atlantis_netcfg.links.qualify.transport import DatagramTransport
-    from atlantis_netcfg.survey.positions import PositionSource
+    from atlantis_netcfg.records.survey.positions import PositionSource
 
 HOUR_S: Final = 3600.0
 MAX_MB: Final = 2.0

@@ -8,8 +8,8 @@ from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.qualify.compare import HEADLINES, FigureTrend
-from atlantis_netcfg.qualify_pages.pages import STYLES
-from atlantis_netcfg.qualify_pages.sections import UNKNOWN, in_unit
+from atlantis_netcfg.records.qualify.pages import STYLES
+from atlantis_netcfg.records.qualify.sections import UNKNOWN, in_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
