@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, TwinSpec, spawn
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros.render import router
 from bench import edits, measure
 from bench.declared import CHECKOUT

@@ -14,7 +14,7 @@ from ansible.parsing.vault import VaultLib, VaultSecret
 
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Router
-from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.render import router

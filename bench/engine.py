@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli._playbook import PlaybookRunner
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations import Request
-from atlantis_netcfg.operations.bearers import LAN
-from atlantis_netcfg.operations.request import Target
-from atlantis_netcfg.operations.vault import Vault
+from atlantis_netcfg.operations.common.request import Target
+from atlantis_netcfg.operations.common.session_link import LAN
+from atlantis_netcfg.operations.common.vault import Vault
 from bench.declared import CHECKOUT
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterLink
 from atlantis_netcfg.operations import Request
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.request import LinkOrder, Target
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.request import LinkOrder, Target
 from atlantis_netcfg.routeros import converge
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 from atlantis_netcfg.runs import RunStarted, Store

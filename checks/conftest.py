@@ -18,8 +18,8 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import lines
 from atlantis_netcfg.inventory import choose, load
 from atlantis_netcfg.inventory.model import ServerComputer
-from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.request import refuse_examples
 from checks.checklist_asked import Asking, How, answer_lines, waits
 from checks.gateway_promises import Promises, promises
 from checks.gateway_reached import Answers, NotReached, ask

@@ -17,8 +17,8 @@ from atlantis_netcfg.computers.interop import PREFIX
 from atlantis_netcfg.computers.services import ENVIRONMENT, VPN_INTERFACE, secret_word
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.inventory.model import Gateway, ServerComputer
+from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
-from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.vpn.client import IDENTITY, SERVICE
 
 if TYPE_CHECKING:

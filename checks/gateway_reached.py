@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist import runner
-from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.common.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -63,8 +63,14 @@ IN = (
     "vpn/authority",
     "vpn/enrolment_package",
     "vpn/ledger",
+    "vpn/members.py",
     "vpn/pki",
     "vpn/policy.py",
+    "vpn/recipients.py",
+    "vpn/rehearsal.py",
+    "vpn/reports.py",
+    "vpn/requests.py",
+    "vpn/router_import.py",
 )
 """What a technician or a partner reads of a run, a checklist, a hand-out, and of the commands around them.
 
@@ -90,7 +96,7 @@ OUT: Mapping[str, str] = {
     "inventory/key_reference.py": "a page for engineers, which is in English",
     "inventory/new_inventory": "questions and files of `provision init`: not translated yet",
     "operations/computers/_emulation.py": "programs of a rehearsal, and what Ansible calls them",
-    "operations/vault.py": "texts of Ansible's own",
+    "operations/common/vault.py": "texts of Ansible's own",
     "computers/bundle": "the making of bundles, which is in English",
     "core/remote_bundle.py": "names of files",
     "core/crash_report.py": "the log file of a crash; its one sentence is added by hand",

@@ -37,8 +37,8 @@ from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import show
 from atlantis_netcfg.operations import Mode
+from atlantis_netcfg.operations.common.request import refuse_examples
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.request import refuse_examples
 from atlantis_netcfg.runs import Store, os_errors_as, write_atomically
 
 if TYPE_CHECKING:

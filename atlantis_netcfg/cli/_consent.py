@@ -20,7 +20,7 @@ from atlantis_netcfg.cli._output import signal_of
 from atlantis_netcfg.core import language, printable
 from atlantis_netcfg.core.errors import DeviceFailed, UsageError
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.operations.costs import unpaid
+from atlantis_netcfg.operations.common.costs import unpaid
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

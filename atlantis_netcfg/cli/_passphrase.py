@@ -16,7 +16,7 @@ from atlantis_netcfg.core.secret import Secret
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.operations.vault import Vault
+    from atlantis_netcfg.operations.common.vault import Vault
 
 
 PASSPHRASE_FD = Flag("passphrase-fd", "read the passphrase from this open file descriptor instead of asking", takes="N")
@@ -62,7 +62,7 @@ def vault_of(arguments: Arguments) -> Vault:
 
     Raises UsageError where somebody wants to type it and cannot.
     """
-    from atlantis_netcfg.operations.vault import Vault
+    from atlantis_netcfg.operations.common.vault import Vault
 
     insist = arguments.given(ASK_VAULT_PASS)
     if not sys.stdin.isatty():

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.operations.play_control import PlayControl, other_ends, without_result
-from atlantis_netcfg.operations.request import shared
-from atlantis_netcfg.operations.vault import Vault, import_ansible, load_used_plugins
+from atlantis_netcfg.operations.common.play_control import PlayControl, other_ends, without_result
+from atlantis_netcfg.operations.common.request import shared
+from atlantis_netcfg.operations.common.vault import Vault, import_ansible, load_used_plugins
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ class _Ansible:
             secrets.secrets = vault.opened
         self._hosts = InventoryManager(loader=self._loader, sources=[self._inventory])
         # Each task runs in a process of its own, which inherits what is imported.
-        import_module("atlantis_netcfg.operations.site")
+        import_module("atlantis_netcfg.operations.apply")
 
     def play(self, names: Sequence[str], request: Request, control: PlayControl) -> tuple[str, str]:
         """Run the playbook; give why it was cut off, if it was, and what Ansible has printed."""

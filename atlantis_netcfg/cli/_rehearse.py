@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.operations import Mode
-from atlantis_netcfg.operations.bearers import LAN, bearer_of
-from atlantis_netcfg.operations.kinds import is_unit
+from atlantis_netcfg.operations.common.kinds import is_unit
+from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
 from atlantis_netcfg.runs.report.run import Pass, RunReport
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
-    from atlantis_netcfg.operations.rehearsal import Rehearsal
+    from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 
 
 def rehearse(opened: CommandSession, twins: Rehearsal, *, mode: Mode = Mode.APPLY, run: str | None = None) -> RunReport:

@@ -35,21 +35,21 @@ from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, Not
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.inventory import Declaration, Host, choose, load
 from atlantis_netcfg.operations import Mode, Request
-from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.common.costs import beforehand, gate
+from atlantis_netcfg.operations.common.kinds import handled, is_unit
+from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.terminals import is_terminal
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.costs import beforehand, gate
-from atlantis_netcfg.operations.kinds import handled, is_unit
-from atlantis_netcfg.operations.terminals import is_terminal
 from atlantis_netcfg.runs import Store
 from atlantis_netcfg.runs.report.run import RunReport, consent_question
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.operations.link_shapes import Replay
-    from atlantis_netcfg.operations.rehearsal import Rehearsal
-    from atlantis_netcfg.operations.request import LinkOrder
-    from atlantis_netcfg.operations.vault import Vault
+    from atlantis_netcfg.operations.common.link_shapes import Replay
+    from atlantis_netcfg.operations.common.rehearsal import Rehearsal
+    from atlantis_netcfg.operations.common.request import LinkOrder
+    from atlantis_netcfg.operations.common.vault import Vault
 
 
 @dataclass(slots=True)
@@ -455,7 +455,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         with ExitStack() as stack:
             twins = None
             if rehearse:
-                from atlantis_netcfg.operations.rehearsal import rehearsal
+                from atlantis_netcfg.operations.common.rehearsal import rehearsal
 
                 replay = _replay(arguments, hosts)
                 with progress(quiet=arguments.flag(JSON.name)) as notify:
@@ -483,7 +483,7 @@ def _replay(arguments: Arguments, hosts: Sequence[Host]) -> Replay | None:
     """Find the run that takes the place of a declared link, and say so. Raises UsageError."""
     if not arguments.given(PROFILE):
         return None
-    from atlantis_netcfg.operations.link_shapes import open_replay
+    from atlantis_netcfg.operations.common.link_shapes import open_replay
 
     roots = [Store(paths.state_dir(), rehearsed=rehearsed).root for rehearsed in (False, True)]
     replay = open_replay(arguments.value(PROFILE.name) or "", roots, tuple(dict.fromkeys(host.site for host in hosts)))

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
+    from atlantis_netcfg.operations.adopt import Adoption, AdoptionResult
     from atlantis_netcfg.operations.trust import DeviceIdentity
     from atlantis_netcfg.routeros.first_contact.steps import Adopted
 
@@ -106,7 +106,7 @@ def _adoption(
     import sys
 
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.operations.adoption import SSH, Adoption
+    from atlantis_netcfg.operations.adopt import SSH, Adoption
     from atlantis_netcfg.routeros.first_contact.steps import FACTORY_ADDRESS
 
     adoption = Adoption(
@@ -124,7 +124,7 @@ def _adoption(
         wait_s=_seconds(arguments.optional("wait")),
     )
     if adoption.rehearsed:
-        from atlantis_netcfg.operations.rehearsal import rehearse_adoption
+        from atlantis_netcfg.operations.common.rehearsal import rehearse_adoption
 
         enter(rehearse_adoption(adoption))
     return adoption
@@ -132,7 +132,7 @@ def _adoption(
 
 def _via(via: str) -> str:
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.operations.adoption import SERIAL, SSH
+    from atlantis_netcfg.operations.adopt import SERIAL, SSH
 
     if via != SSH and not (via.startswith(SERIAL) and via != SERIAL):
         raise UsageError(f"`via={via}` is no way to a router", hint="type `via=ssh` or `via=serial:/dev/ttyUSB0`")
@@ -240,7 +240,7 @@ def run_trust(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import NothingMatched, UsageError, worst
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.trust import has_identity
 
     declaration = declared(arguments)

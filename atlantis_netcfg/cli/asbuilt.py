@@ -119,7 +119,7 @@ def _read(opened: CommandSession) -> AsBuiltRecord:
     from atlantis_netcfg import __version__
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.records.asbuilt.collect import SiteLook, look_at
     from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
     from atlantis_netcfg.runs import utc_now

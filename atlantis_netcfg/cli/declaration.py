@@ -96,7 +96,7 @@ def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
     """
     result = declaration.warnings
     if any(bearer.has_standing_budget for site in declaration.sites.values() for bearer in site.bearers):
-        from atlantis_netcfg.operations.standing import inventory_warnings
+        from atlantis_netcfg.operations.common.traffic_budget import inventory_warnings
 
         result = inventory_warnings(declaration)
     if any(vehicle.telemetry for vehicle in declaration.vehicles.values()):
@@ -170,7 +170,7 @@ def run_dds(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose, load
     from atlantis_netcfg.links.standing_traffic import TrafficSource
-    from atlantis_netcfg.operations.standing import standing_traffic
+    from atlantis_netcfg.operations.common.traffic_budget import standing_traffic
 
     named = arguments.optional("inventory")
     declaration = load(Path(named) if named else paths.checkout() / "inventory")

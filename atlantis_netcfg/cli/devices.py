@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.upgrade import PreparedUpgrade, Upgraded
-    from atlantis_netcfg.operations.verifying import VerifiedDevice, Verifying
+    from atlantis_netcfg.operations.verify import VerifiedDevice, Verifying
     from atlantis_netcfg.runs import Run, SavedState
     from atlantis_netcfg.runs.report.drift import DriftReport
 
@@ -216,8 +216,8 @@ def run_verify(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.operations.request import refuse_examples
-    from atlantis_netcfg.operations.verifying import Verifying, written
+    from atlantis_netcfg.operations.common.request import refuse_examples
+    from atlantis_netcfg.operations.verify import Verifying, written
 
     name = arguments.word("device")
     silence = arguments.flag("silence") and not arguments.flag("rehearse")
@@ -266,7 +266,7 @@ def _check_privilege(*, silence: bool) -> None:
 def _host(declaration: Declaration, name: str, *, tries: bool) -> Host:
     from atlantis_netcfg.core.errors import UsageError, nearest
     from atlantis_netcfg.inventory.model import LteDriver, LteRouter
-    from atlantis_netcfg.operations.kinds import handled
+    from atlantis_netcfg.operations.common.kinds import handled
 
     if name in declaration.hosts:
         host = declaration.hosts[name]

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.printable import Row
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.fit import LinkFit, TopicFit, VehicleFit
-    from atlantis_netcfg.operations.link_capacity import Capacity
-    from atlantis_netcfg.operations.measured_telemetry import MeasuredTelemetry, TelemetryChange
+    from atlantis_netcfg.operations.fit.link_capacity import Capacity
+    from atlantis_netcfg.operations.fit.measured_telemetry import MeasuredTelemetry, TelemetryChange
 
 _WRITE = Flag("write", "write what was heard into the inventory, as `telemetry:` of the vehicle")
 
@@ -92,8 +92,8 @@ def _listen(
 ) -> tuple[MeasuredTelemetry, TelemetryChange] | tuple[None, None]:
     """Listen where that was asked for, and write what was heard where that was. Raises UsageError."""
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.operations import measured_telemetry, robots
-    from atlantis_netcfg.operations.fit import require_vehicle
+    from atlantis_netcfg.operations import robots
+    from atlantis_netcfg.operations.fit import measured_telemetry, require_vehicle
     from atlantis_netcfg.runs import utc_now
 
     span, address = arguments.optional("observed"), arguments.optional("address")
@@ -195,7 +195,7 @@ def _money(link: LinkFit, *, thinned: bool) -> Iterator[Row]:
 
 
 def _capacity(capacity: Capacity) -> str:
-    from atlantis_netcfg.operations.link_capacity import USABLE
+    from atlantis_netcfg.operations.fit.link_capacity import USABLE
 
     rates = f"{capacity.pace.up_bps / 1000:.0f} kbit/s up, {capacity.down_bps / 1000:.0f} down"
     loss = "loss unknown" if capacity.loss is None else f"{capacity.loss:.2%} of the packets up lost"

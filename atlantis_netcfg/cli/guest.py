@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.guests import GuestEntry
-    from atlantis_netcfg.operations.vpn.requests import DeviceWords
     from atlantis_netcfg.operations.vpn.server import Deployed
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
     from atlantis_netcfg.vpn.identity import Member
+    from atlantis_netcfg.vpn.requests import DeviceWords
 
 _AGAIN = "what was recorded stands: type the same again, or take all of it back with `provision guest end name=NAME`"
 _PLAN = Flag("plan", "only say what would be done", harmless=True)
@@ -81,10 +81,11 @@ def run_guest_add(arguments: Arguments) -> ExitCode:
 
 def _add(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common, members
-    from atlantis_netcfg.operations import guests, inventory_files
-    from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
-    from atlantis_netcfg.operations.vpn.recipients import recipients_of
-    from atlantis_netcfg.operations.vpn.requests import request_of
+    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations.common import inventory_files
+    from atlantis_netcfg.vpn.members import Onboarding, refuse_example_authority
+    from atlantis_netcfg.vpn.recipients import recipients_of
+    from atlantis_netcfg.vpn.requests import request_of
 
     before, entry = _common.declared(arguments), _entry(arguments)
     text, declaration = _declared_with(before, entry)
@@ -155,7 +156,8 @@ def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, 
     Raises UsageError for another vehicle or guest of that name, InventoryInvalid for what does not fit the pilot.
     """
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.operations import guests, inventory_files
+    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations.common import inventory_files
 
     there = guests.declared_guest(before, entry.name)
     if there is None:
@@ -185,7 +187,7 @@ def _refuse_unknown(declaration: Declaration, entry: GuestEntry) -> None:
 
 def _device(arguments: Arguments, entry: GuestEntry) -> DeviceWords:
     """The same as the words of `vpn onboard`."""
-    from atlantis_netcfg.operations.vpn.requests import DeviceWords
+    from atlantis_netcfg.vpn.requests import DeviceWords
 
     return DeviceWords(
         partner=entry.partner,
@@ -202,7 +204,8 @@ def _device(arguments: Arguments, entry: GuestEntry) -> DeviceWords:
 @contextmanager
 def _declared_until_issued(before: Declaration, name: str, authority: Authority, text: str | None) -> Iterator[None]:
     """Declare the guest, and take that back where nothing was issued for it: a wrong passphrase leaves nothing."""
-    from atlantis_netcfg.operations import guests, inventory_files
+    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations.common import inventory_files
 
     old = guests.text_of(before.root)
     if text is not None:
@@ -283,9 +286,10 @@ def run_guest_end(arguments: Arguments) -> ExitCode:
 def _end(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.atomic_files import remove_orphans
-    from atlantis_netcfg.operations import guests, inventory_files
-    from atlantis_netcfg.operations.vpn.members import reason_of
+    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations.common import inventory_files
     from atlantis_netcfg.operations.vpn.server import Deployed
+    from atlantis_netcfg.vpn.members import reason_of
 
     before, name = _common.declared(arguments), arguments.word("name")
     reason = reason_of(arguments.optional("reason") or "its stay has ended")
@@ -342,7 +346,7 @@ def _put_out(
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.cli.vpn.members import hold
-    from atlantis_netcfg.operations.vpn.members import revoke
+    from atlantis_netcfg.vpn.members import revoke
 
     server, passphrase = _common.server(arguments, after), passphrase_prompt(arguments)
     hold(arguments, server, authority)

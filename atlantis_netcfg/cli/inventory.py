@@ -124,7 +124,7 @@ def _encrypt(*, ask: bool) -> Callable[[str], str] | None:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.operations.vault import Vault, is_configured
+    from atlantis_netcfg.operations.common.vault import Vault, is_configured
 
     if is_configured():
         return Vault().encrypt

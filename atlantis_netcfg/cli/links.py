@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.cost import Bill, Preview
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.allow_list_test.prove import Proof
-    from atlantis_netcfg.operations.links.look import LinksStatus
+    from atlantis_netcfg.operations.links.collect import LinksStatus
     from atlantis_netcfg.runs.report.links import LinksReport
 
 
@@ -89,8 +89,8 @@ def seen(opened: CommandSession) -> LinksStatus:
 
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.operations.links.look import look
-    from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.operations.common.request import refuse_examples
+    from atlantis_netcfg.operations.links.collect import look
 
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     request = opened.paid(opened.request(Mode.DRIFT))
@@ -186,7 +186,7 @@ def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str
     from atlantis_netcfg.cli._output import as_typed, carried, progress
     from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
     from atlantis_netcfg.operations.allow_list_test.vpn import vpn_trial
-    from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.operations.common.request import refuse_examples
 
     found = satellite_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
@@ -226,7 +226,7 @@ def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str
 
 
 def _metered(opened: CommandSession, name: str) -> bool:
-    from atlantis_netcfg.operations.site_links import link_of
+    from atlantis_netcfg.operations.common.site_links import link_of
 
     return link_of(opened.declaration, opened.site, name).metered
 
@@ -237,7 +237,7 @@ def _declared(opened: CommandSession, terminal: Host) -> tuple[BearerFinding, ..
     from pathlib import Path
 
     from atlantis_netcfg.operations.allow_list_test.site import names_of
-    from atlantis_netcfg.operations.terminals import look
+    from atlantis_netcfg.operations.common.terminals import look
 
     backup = opened.arguments.optional("backup")
     today = datetime.now(UTC).astimezone().date()

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.computers.bundle.manifest import Manifest
     from atlantis_netcfg.computers.image.writer import Card
     from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.image import ImageOrder, MadeImage
-    from atlantis_netcfg.operations.request import Request
 
 
 IMAGE = CommandSpec(
@@ -229,7 +229,7 @@ def run_bundle(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import load
     from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
     named, check = arguments.optional("inventory"), arguments.optional("check")
     inventory = Path(named) if named else paths.checkout() / "inventory"

@@ -205,10 +205,10 @@ def _measured(opened: CommandSession, limits: BudgetLimits) -> SeveralResults:
 
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.operations import Mode
+    from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.qualify.far_end import open_far_end
     from atlantis_netcfg.operations.qualify.run import links_of_site
     from atlantis_netcfg.operations.qualify.several import measure_each
-    from atlantis_netcfg.operations.request import refuse_examples
 
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     links = links_of_site(opened.declaration, opened.site, opened.arguments.optional("link"))
@@ -278,7 +278,7 @@ def _link(
 
 def _capped(opened: CommandSession, bearer: Bearer, limits: BudgetLimits) -> BudgetLimits:
     """Within the cap of a metered link, whatever a person allows; a limit in EUR needs a tariff, and means it alone."""
-    from atlantis_netcfg.operations.site_links import link_of
+    from atlantis_netcfg.operations.common.site_links import link_of
 
     link = link_of(opened.declaration, opened.site, bearer.name)
     bounds = [each for each in (limits.max_bytes, link.cap_bytes) if each is not None]
@@ -308,8 +308,8 @@ def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limit
     """What a link costs at most: the whole plan, or the limits where these are less. Raises CostRefused."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.links.cost import preview
+    from atlantis_netcfg.operations.common.site_links import link_of
     from atlantis_netcfg.operations.qualify.plan import planned
-    from atlantis_netcfg.operations.site_links import link_of
 
     link = link_of(opened.declaration, opened.site, bearer.name)
     far = _far_end(opened.declaration, opened.arguments)

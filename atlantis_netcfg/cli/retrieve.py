@@ -83,7 +83,7 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.retrieve import RetrievalSelection, program_by_ssh, source_at
 
     if arguments.flag("rehearse"):
@@ -119,14 +119,14 @@ def _rehearse(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._rehearse import announce
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core.errors import ExitCode, UsageError
+    from atlantis_netcfg.operations.common.site_links import bearer_named
     from atlantis_netcfg.operations.retrieve import RetrievalSelection, plan, source_at
-    from atlantis_netcfg.operations.retrieve_rehearsed import (
+    from atlantis_netcfg.operations.retrieve_rehearsal import (
         NOT_REHEARSED,
         ROBOT_NOT_REHEARSED,
         rehearsed_transfer,
         with_example,
     )
-    from atlantis_netcfg.operations.site_links import bearer_named
 
     if more := _typed(arguments, "files", "via", "order"):
         raise UsageError(
@@ -191,8 +191,8 @@ def _nothing(opened: CommandSession, program: RetrievalProgram, look: dict[str, 
 
 def _planned(opened: CommandSession, source: Source, look: dict[str, Any]) -> RetrievalPlan:
     """Over the link that a person names, or that the router says is in use. Raises UsageError, DeviceFailed."""
+    from atlantis_netcfg.operations.common.site_links import bearer_named
     from atlantis_netcfg.operations.retrieve import plan
-    from atlantis_netcfg.operations.site_links import bearer_named
 
     named = opened.arguments.optional("link")
     bearers = opened.declaration.sites[opened.site].bearers
@@ -207,7 +207,7 @@ def _in_use(opened: CommandSession) -> str:
     """Ask the router which link carries the traffic. Raises DeviceFailed where it does not say so of one alone."""
     from atlantis_netcfg.cli.links import seen
     from atlantis_netcfg.core.errors import DeviceFailed
-    from atlantis_netcfg.operations.link_use import router_of
+    from atlantis_netcfg.operations.use import router_of
 
     gateway, opened.hosts = opened.hosts, (router_of(opened.declaration, opened.site),)
     try:

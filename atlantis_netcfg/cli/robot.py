@@ -246,7 +246,8 @@ def _listen(
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.inventory.findings import meant
     from atlantis_netcfg.inventory.model import ServerComputer
-    from atlantis_netcfg.operations import robots, robots_remote
+    from atlantis_netcfg.operations import robots
+    from atlantis_netcfg.operations.robots import remote
 
     address, place = arguments.optional("address"), arguments.optional("from")
     if place is None:
@@ -258,9 +259,9 @@ def _listen(
         computers = [host.name for host in declaration.hosts.values() if isinstance(host.device, ServerComputer)]
         raise UsageError(f"`from={place}` is no host of the inventory", hint=meant(place, computers, none=""))
     host = declaration.hosts[place]
-    device = robots_remote.listening_computer(declaration, host)
+    device = remote.listening_computer(declaration, host)
     _pay(arguments, declaration, site, seconds, lambda: str(device.address))
-    observation = robots_remote.listen_there(declaration, host, seconds, sites=[site])
+    observation = remote.listen_there(declaration, host, seconds, sites=[site])
     return observation, robots.compare(declaration, site, observation)
 
 
@@ -268,7 +269,7 @@ def _pay(arguments: Arguments, declaration: Declaration, site: str, seconds: int
     """Ask for consent where listening brings the robots' topics over a link that is paid by the byte."""
     from atlantis_netcfg.cli._consent import pay
     from atlantis_netcfg.links.cost import CostRefused
-    from atlantis_netcfg.operations.robots_cost import listening_cost
+    from atlantis_netcfg.operations.robots.listening_cost import listening_cost
 
     cost, gateway = listening_cost(declaration, site, seconds, address), declaration.computer_of(site)
     if cost is None:

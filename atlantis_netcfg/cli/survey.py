@@ -103,7 +103,7 @@ def _plan(arguments: Arguments) -> SurveyPlan:
     """What was typed of steps, time and budget. Raises UsageError."""
     from dataclasses import replace
 
-    from atlantis_netcfg.operations.link_use import span_s
+    from atlantis_netcfg.operations.use import span_s
     from atlantis_netcfg.records.survey.measure import SurveyPlan, hourly_bytes, steps
 
     step_m, step_s = steps(arguments.optional("every"))
@@ -141,8 +141,8 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     from contextlib import ExitStack
 
     from atlantis_netcfg.links.qualify.samples import SampleWriter
+    from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.qualify.far_end import open_far_end
-    from atlantis_netcfg.operations.request import refuse_examples
     from atlantis_netcfg.records.survey.archive import folder_of, new_folder
     from atlantis_netcfg.records.survey.points import SAMPLES_FILE, SURVEY_FILE, SurveyEnd, SurveyWriter
     from atlantis_netcfg.records.survey.positions import GpsdSource
@@ -212,7 +212,7 @@ def _paid(opened: CommandSession, link: Bearer, plan: SurveyPlan) -> None:
     """Say what it may cost, and return when somebody pays. Raises CostRefused."""
     from atlantis_netcfg.cli._consent import pay
     from atlantis_netcfg.links.cost import preview
-    from atlantis_netcfg.operations.site_links import link_of
+    from atlantis_netcfg.operations.common.site_links import link_of
 
     metered = link_of(opened.declaration, opened.site, link.name)
     if not metered.metered or opened.arguments.flag("radio-only"):

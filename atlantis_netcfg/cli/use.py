@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.operations.link_use import UseRequest
+    from atlantis_netcfg.operations.use import UseRequest
     from atlantis_netcfg.runs.report.run import RunReport
 
 USE = CommandSpec(
@@ -65,9 +65,9 @@ USE = CommandSpec(
 def run_use(arguments: Arguments) -> ExitCode:
     """Look at the link, show what would change and what it may cost, ask, change, and say when it ends."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.operations.link_use import UseRequest, router_of
-    from atlantis_netcfg.operations.request import refuse_examples
-    from atlantis_netcfg.operations.site_links import bearer_named
+    from atlantis_netcfg.operations.common.request import refuse_examples
+    from atlantis_netcfg.operations.common.site_links import bearer_named
+    from atlantis_netcfg.operations.use import UseRequest, router_of
 
     site, unproved = arguments.word("site"), arguments.flag("unproved")
     for_s = _for_s(arguments)
@@ -92,7 +92,7 @@ def run_use(arguments: Arguments) -> ExitCode:
 def _for_s(arguments: Arguments) -> int | None:
     """How long; None: to its end. Raises UsageError where the words do not go together."""
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.operations.link_use import span_s
+    from atlantis_netcfg.operations.use import span_s
 
     site, span = arguments.word("site"), arguments.optional("for")
     named = [name for name in ("link", "for") if arguments.optional(name) is not None]
@@ -149,7 +149,7 @@ def _begin(opened: CommandSession, use_request: UseRequest) -> RunReport:
 
 def _end(opened: CommandSession) -> RunReport:
     from atlantis_netcfg.cli.links import seen
-    from atlantis_netcfg.operations.link_use import ended_order
+    from atlantis_netcfg.operations.use import ended_order
 
     opened.use = ended_order(opened.site, seen(opened))
     if opened.arguments.flag("plan"):
@@ -160,7 +160,7 @@ def _end(opened: CommandSession) -> RunReport:
 def _pay(opened: CommandSession, use_request: UseRequest) -> None:
     """Tell what the traffic of the site may cost over the link, and return when somebody pays. Raises CostRefused."""
     from atlantis_netcfg.cli._consent import pay
-    from atlantis_netcfg.operations.site_links import link_of
+    from atlantis_netcfg.operations.common.site_links import link_of
 
     link = link_of(opened.declaration, opened.site, use_request.bearer.name)
     if not link.metered or opened.arguments.flag("plan"):

@@ -7,6 +7,6 @@ action plugin, and both end here.
 
 from __future__ import annotations
 
-from atlantis_netcfg.operations.request import Mode, Request, Target
+from atlantis_netcfg.operations.common.request import Mode, Request, Target
 
 __all__ = ["Mode", "Request", "Target"]

@@ -36,9 +36,9 @@ from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.inventory import Declaration, Host, choose
 from atlantis_netcfg.inventory.model import ImageLayout, Repository, ServerComputer, SiteComputer
+from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, Part, concerns
-from atlantis_netcfg.operations.request import Request, refuse_examples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -20,10 +20,10 @@ from atlantis_netcfg.computers.retrieval import PROGRAM, line_for_robot, sources
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError, nearest
 from atlantis_netcfg.inventory.model import RetrievalPriority, RetrievalRobot, RetrievalSource
 from atlantis_netcfg.links.cost import Bill, Preview, bill, preview, size
-from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
+from atlantis_netcfg.operations.common.session_link import FAST_S, bearer_of
+from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
-from atlantis_netcfg.operations.site_links import link_of
-from atlantis_netcfg.operations.vpn.link import ssh_command
+from atlantis_netcfg.operations.computers.remote_session import ssh_command
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.links.cost import MeteredLink
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 SHARES: Final[Mapping[RetrievalPriority, float]] = {
     RetrievalPriority.LOW: 0.2,

@@ -13,10 +13,10 @@ from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.lte import rutos_client
+from atlantis_netcfg.operations.common.jobs import endpoint_of
+from atlantis_netcfg.operations.common.kinds import handled, managed
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
-from atlantis_netcfg.operations.jobs import endpoint_of
-from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.routeros.api import certificate_of
 from atlantis_netcfg.routeros.console.ssh import host_key_of
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 _SSH: Final = 22
 _COMPARE: Final = "compare it with `fingerprint` on its own console (cable, Winbox):  /certificate print detail"

@@ -19,12 +19,12 @@ from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.links.cost import MeteredLink, Preview, preview
-from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.costs import gate, unpaid
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.request import Mode as RequestMode
-from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.operations.site_links import link_of
+from atlantis_netcfg.operations.common.costs import gate, unpaid
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.request import Mode as RequestMode
+from atlantis_netcfg.operations.common.request import Request
+from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, SessionLost
 from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, SshEndpoint, Status, converge
 from atlantis_netcfg.routeros.console.ssh import upload

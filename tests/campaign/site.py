@@ -18,7 +18,7 @@ from quay import _inventory, _opened
 
 from atlantis_netcfg.emulator.routeros import Air, SiteSpec, SpawnedSite, User
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.runs import Store
 from campaign.relay import Relay
 

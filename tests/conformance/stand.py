@@ -22,7 +22,7 @@ from waiting import HANG_S
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, User, WireBehaviour, spawn
 from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Status, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
 from atlantis_netcfg.routeros.render import router

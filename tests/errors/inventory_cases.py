@@ -17,7 +17,7 @@ import yaml
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.inventory import load as loaded
 from atlantis_netcfg.inventory import report, validate
-from atlantis_netcfg.operations.standing import inventory_warnings
+from atlantis_netcfg.operations.common.traffic_budget import inventory_warnings
 
 HERE = Path(__file__).parent
 SHIPPED = HERE.parents[1] / "inventory"

@@ -38,12 +38,12 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.remote_process import Carrier
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
-from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.common.costs import gate, unpaid
+from atlantis_netcfg.operations.common.request import Mode, Request, refuse_examples
+from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.costs import gate, unpaid
-from atlantis_netcfg.operations.links.look import look, session_to
+from atlantis_netcfg.operations.links.collect import look, session_to
 from atlantis_netcfg.operations.links.session import command, rows
-from atlantis_netcfg.operations.request import Mode, Request, refuse_examples
 from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:

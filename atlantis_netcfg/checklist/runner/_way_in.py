@@ -11,10 +11,10 @@ from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # a
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.remote_process import Carrier, ProcessEnded
-from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
+from atlantis_netcfg.operations.common.request import Request, refuse_examples
+from atlantis_netcfg.operations.common.session_link import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
-from atlantis_netcfg.operations.request import Request, refuse_examples
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host

@@ -24,11 +24,11 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.links.cost import Preview, preview
 from atlantis_netcfg.operations.allow_list_test.site import previews as proof_previews
 from atlantis_netcfg.operations.allow_list_test.site import satellite_of
-from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.common.costs import beforehand, unpaid
+from atlantis_netcfg.operations.common.request import Mode, Request
+from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.costs import beforehand, unpaid
-from atlantis_netcfg.operations.request import Mode, Request
-from atlantis_netcfg.operations.site_links import link_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

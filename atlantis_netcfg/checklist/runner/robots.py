@@ -16,14 +16,14 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, in_words, unanswered
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.operations.costs import unpaid
+from atlantis_netcfg.operations.common.costs import unpaid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.links.cost import Preview
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 
 async def ask_robots(
@@ -46,7 +46,7 @@ async def _answer(declaration: Declaration, site: str, request: Request, questio
     if not isinstance(question, RobotsHeardRequest):
         return await asyncio.to_thread(vpn_members, declaration, request)
     from atlantis_netcfg.operations.robots import hear  # noqa: PLC0415 - few checklists ask for it
-    from atlantis_netcfg.operations.robots_remote import listen_there  # noqa: PLC0415 - as above
+    from atlantis_netcfg.operations.robots.remote import listen_there  # noqa: PLC0415 - as above
 
     cost = await asyncio.to_thread(listening_preview, declaration, site, question)
     if cost is not None and cost.over_cap:
@@ -66,8 +66,8 @@ def listening_preview(declaration: Declaration, site: str, question: RobotsHeard
     Raises NetcfgError where nobody knows by which address it listens.
     """
     from atlantis_netcfg.operations.robots import dds_of, listening_address  # noqa: PLC0415 - as above
-    from atlantis_netcfg.operations.robots_cost import listening_cost  # noqa: PLC0415 - as above
-    from atlantis_netcfg.operations.robots_remote import listening_computer  # noqa: PLC0415 - as above
+    from atlantis_netcfg.operations.robots.listening_cost import listening_cost  # noqa: PLC0415 - as above
+    from atlantis_netcfg.operations.robots.remote import listening_computer  # noqa: PLC0415 - as above
 
     def address() -> str:
         if not question.host:

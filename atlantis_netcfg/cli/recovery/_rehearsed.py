@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from atlantis_netcfg.cli._session import CommandSession
-    from atlantis_netcfg.operations.saved_states import StartState
+    from atlantis_netcfg.operations.common.saved_states import StartState
     from atlantis_netcfg.runs.report.run import RunReport
 
 _WIDTH = 80

@@ -78,7 +78,7 @@ def _run_rehearsed(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose
-    from atlantis_netcfg.operations.saved_states import hosts_of_run
+    from atlantis_netcfg.operations.common.saved_states import hosts_of_run
 
     found: list[Run] = []
 
@@ -104,7 +104,7 @@ def _rehearsed(opened: CommandSession, broken: Run) -> RunReport:
     from atlantis_netcfg.cli._rehearse import rehearse
     from atlantis_netcfg.cli.recovery._rehearsed import rehearse_from
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.operations.saved_states import before_resuming
+    from atlantis_netcfg.operations.common.saved_states import before_resuming
 
     def go_on() -> RunReport:
         if opened.arguments.flag("plan") or opened.rehearsal is None:
@@ -117,7 +117,7 @@ def _rehearsed(opened: CommandSession, broken: Run) -> RunReport:
 
 def _broken(state: Path, site: str, name: str | None, *, rehearsed: bool = False) -> Run:
     """The run that was named, or the latest unfinished one. Raises NothingMatched."""
-    from atlantis_netcfg.operations.saved_states import saved_run, stores
+    from atlantis_netcfg.operations.common.saved_states import saved_run, stores
     from atlantis_netcfg.runs import Purpose
 
     if name is not None:

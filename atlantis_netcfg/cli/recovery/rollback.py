@@ -91,8 +91,8 @@ def _chosen(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[
     from atlantis_netcfg.cli._session import require_handled
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose
-    from atlantis_netcfg.operations.kinds import handled
-    from atlantis_netcfg.operations.saved_states import hosts_to_restore, saved_run
+    from atlantis_netcfg.operations.common.kinds import handled
+    from atlantis_netcfg.operations.common.saved_states import hosts_to_restore, saved_run
 
     site = arguments.word("site")
     only = arguments.many("only")
@@ -131,7 +131,7 @@ def _rehearsed(opened: CommandSession, run: Run) -> RunReport:
     """Put back on the emulated devices what the run had saved; over each bearer again nothing may be left."""
     from atlantis_netcfg.cli._rehearse import rehearse
     from atlantis_netcfg.cli.recovery._rehearsed import rehearse_from
-    from atlantis_netcfg.operations.saved_states import before_rollback
+    from atlantis_netcfg.operations.common.saved_states import before_rollback
 
     def go_on() -> RunReport:
         if opened.arguments.flag("plan") or opened.rehearsal is None:

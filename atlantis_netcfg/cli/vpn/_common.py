@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.operations.vpn.members import OperatorContext
+    from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.vpn.server import Server
     from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.members import OperatorContext
 
 
 __all__ = [
@@ -97,7 +97,7 @@ def who() -> str:
 
 def operator(arguments: Arguments, authority: Authority) -> OperatorContext:
     """Who signs, on this command line."""
-    from atlantis_netcfg.operations.vpn.members import OperatorContext
+    from atlantis_netcfg.vpn.members import OperatorContext
 
     return OperatorContext(authority, who(), waiting(arguments), trust_clock=arguments.optional(CLOCK.name) is not None)
 
@@ -164,6 +164,6 @@ def request(arguments: Arguments) -> Request:
     """What the declaration does not say: here, which authority is meant."""
     import shlex
 
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
     return Request(authority=folder(arguments), command=shlex.join(["provision", *sys.argv[1:]]))

@@ -39,8 +39,8 @@ def run_vpn_init(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._passphrase import chosen
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.members import existing_authority, refuse_example_authority, server_names
     from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.members import existing_authority, refuse_example_authority, server_names
     from atlantis_netcfg.vpn.pki import SEAL_GUESSES, VAULT_GUESSES, check_passphrase
 
     declaration, folder = _common.declared(arguments), _common.folder(arguments)
@@ -98,7 +98,7 @@ def run_vpn_audit(arguments: Arguments) -> ExitCode:
     """Tell the entries, oldest first."""
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.records import audit, start_of
+    from atlantis_netcfg.vpn.reports import audit, start_of
 
     since = arguments.optional("since")
     start = start_of(since) if since is not None else None
@@ -133,13 +133,13 @@ def run_vpn_list(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn import records
+    from atlantis_netcfg.vpn import reports
 
     now = datetime.now(UTC)
-    members = records.of_partner(_common.opened(arguments).membership(), arguments.optional("partner"))
+    members = reports.of_partner(_common.opened(arguments).membership(), arguments.optional("partner"))
     rows = [("name", "kind", "address", "until", "last seen", "standing")]
     for member in members:
-        until = records.expires(member)
+        until = reports.expires(member)
         seen = max(
             (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
         )
@@ -149,11 +149,11 @@ def run_vpn_list(arguments: Arguments) -> ExitCode:
                 str(member.kind),
                 str(member.address),
                 f"{until:%Y-%m-%d}" if until is not None else "-",
-                records.when(seen),
-                records.status_of(member, now),
+                reports.when(seen),
+                reports.status_of(member, now),
             )
         )
-    values = {"members": [records.member_row(member, now) for member in members]}
+    values = {"members": [reports.member_row(member, now) for member in members]}
     return _common.tell(arguments, ExitCode.DONE, values, _common.table(rows))
 
 
@@ -172,12 +172,12 @@ def run_vpn_show(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn import records
+    from atlantis_netcfg.vpn import reports
 
     now = datetime.now(UTC)
-    member = records.find(_common.opened(arguments).membership(), arguments.word("name"))
-    lines = _lines(member, records.status_of(member, now))
-    return _common.tell(arguments, ExitCode.DONE, {"member": records.member_row(member, now)}, lines)
+    member = reports.find(_common.opened(arguments).membership(), arguments.word("name"))
+    lines = _lines(member, reports.status_of(member, now))
+    return _common.tell(arguments, ExitCode.DONE, {"member": reports.member_row(member, now)}, lines)
 
 
 def _lines(member: Member, standing: str) -> Iterator[str]:
@@ -190,7 +190,7 @@ def _lines(member: Member, standing: str) -> Iterator[str]:
 
 
 def _certificate(certificate: Certificate) -> Iterator[str]:
-    from atlantis_netcfg.operations.vpn.records import when
+    from atlantis_netcfg.vpn.reports import when
 
     until, seen = when(certificate.not_after), when(certificate.seen)
     yield f"  {certificate.common_name}: {certificate.standing}, good until {until}, last seen {seen}"

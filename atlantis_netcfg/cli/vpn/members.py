@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.operations.vpn.members import HandedOut, HandoutTarget
-    from atlantis_netcfg.operations.vpn.requests import DeviceWords
     from atlantis_netcfg.operations.vpn.server import Deployed, Server
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import RevocationResult
     from atlantis_netcfg.vpn.identity import Member, MembershipList
+    from atlantis_netcfg.vpn.members import HandedOut, HandoutTarget
+    from atlantis_netcfg.vpn.requests import DeviceWords
 
 
 _CLIENT = (
@@ -81,9 +81,9 @@ def run_vpn_onboard(arguments: Arguments) -> ExitCode:
     """Check everything, issue, hand out, tell the server."""
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
-    from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
-    from atlantis_netcfg.operations.vpn.recipients import recipients_of
-    from atlantis_netcfg.operations.vpn.requests import requests_of
+    from atlantis_netcfg.vpn.members import Onboarding, refuse_example_authority
+    from atlantis_netcfg.vpn.recipients import recipients_of
+    from atlantis_netcfg.vpn.requests import requests_of
 
     declaration, requested = _common.declared(arguments), _device_words(arguments)
     requests = requests_of(declaration, requested)
@@ -106,7 +106,7 @@ def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
 
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.inventory.lists import read
-    from atlantis_netcfg.operations.vpn.requests import KEYS, DeviceWords
+    from atlantis_netcfg.vpn.requests import KEYS, DeviceWords
 
     words = {key: arguments.optional(key) for key in KEYS}
     batch = arguments.optional("batch")
@@ -149,9 +149,9 @@ def run_vpn_renew(arguments: Arguments) -> ExitCode:
     """Choose the members, issue, hand out, tell the server."""
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
-    from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
-    from atlantis_netcfg.operations.vpn.recipients import recipient_of
-    from atlantis_netcfg.operations.vpn.requests import change_for, change_of
+    from atlantis_netcfg.vpn.members import Onboarding, refuse_example_authority
+    from atlantis_netcfg.vpn.recipients import recipient_of
+    from atlantis_netcfg.vpn.requests import change_for, change_of
 
     declaration = _common.declared(arguments)
     words = ("days", "wrap", "key", "link", "system", "distribution", "openvpn")
@@ -176,7 +176,7 @@ def _members_to_renew(arguments: Arguments, membership: MembershipList) -> tuple
     from datetime import UTC, datetime
 
     from atlantis_netcfg.core.errors import NothingMatched, UsageError
-    from atlantis_netcfg.operations.vpn.records import expires, find, period
+    from atlantis_netcfg.vpn.reports import expires, find, period
 
     name, within = arguments.optional("name"), arguments.optional("all")
     if (name is None) == (within is None):
@@ -219,7 +219,7 @@ def run_vpn_revoke(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
-    from atlantis_netcfg.operations.vpn.members import reason_of, revoke
+    from atlantis_netcfg.vpn.members import reason_of, revoke
 
     declaration = _common.declared(arguments)
     reason = reason_of(arguments.optional("reason"))
@@ -237,7 +237,7 @@ def run_vpn_revoke(arguments: Arguments) -> ExitCode:
 
 def _members_to_revoke(arguments: Arguments, membership: MembershipList) -> tuple[Member, ...]:
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.operations.vpn.records import find, of_partner
+    from atlantis_netcfg.vpn.reports import find, of_partner
 
     name, partner = arguments.optional("name"), arguments.optional("partner")
     if (name is None) == (partner is None):
@@ -250,7 +250,7 @@ def _members_to_revoke(arguments: Arguments, membership: MembershipList) -> tupl
 def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
     """Show what will be cut, and return when a person agrees. Raises Declined, UsageError."""
     from atlantis_netcfg.cli._consent import agreed
-    from atlantis_netcfg.operations.vpn.records import when
+    from atlantis_netcfg.vpn.reports import when
 
     if arguments.flag("yes") or not any(member.good for member in members):
         return
@@ -346,7 +346,7 @@ def handout_target(arguments: Arguments, recipients: Mapping[str, str]) -> Hando
     """How hand-outs leave. Raises UsageError for a folder that is none, and a contact that is no line."""
     from pathlib import Path
 
-    from atlantis_netcfg.operations.vpn.members import CONTACT, HandoutTarget
+    from atlantis_netcfg.vpn.members import CONTACT, HandoutTarget
 
     to, contact = arguments.optional("to"), arguments.optional("contact")
     return HandoutTarget(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
@@ -402,7 +402,7 @@ def _row(handed: HandedOut) -> dict[str, Any]:
     """A member for programs; `passphrase` is the only secret that a command tells, and only this once."""
     from datetime import UTC, datetime
 
-    from atlantis_netcfg.operations.vpn.records import member_row
+    from atlantis_netcfg.vpn.reports import member_row
 
     return {
         **member_row(handed.issued.member, datetime.now(UTC)),

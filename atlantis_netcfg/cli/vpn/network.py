@@ -152,7 +152,7 @@ def run_vpn_sync(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.cli.vpn import members as vpn_members
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.operations.vpn.members import server_names
+    from atlantis_netcfg.vpn.members import server_names
 
     declaration = _common.declared(arguments)
     authority = _common.opened(arguments)
@@ -197,8 +197,8 @@ def run_vpn_status(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.cli.vpn import _common
-    from atlantis_netcfg.operations.vpn import records
     from atlantis_netcfg.operations.vpn.server import Connected, vpn_status
+    from atlantis_netcfg.vpn import reports
 
     declaration = _common.declared(arguments)
     authority = _common.opened(arguments)
@@ -206,11 +206,11 @@ def run_vpn_status(arguments: Arguments) -> ExitCode:
     with progress(quiet=arguments.flag("json")) as notify:
         found = vpn_status(declaration, authority, server if isinstance(server, Connected) else None, notify)
     membership, partner = authority.membership(), arguments.optional("partner")
-    members = records.of_partner(membership, partner) if membership.members or partner is not None else ()
+    members = reports.of_partner(membership, partner) if membership.members or partner is not None else ()
     now = datetime.now(UTC)
     values = {
         "told": [item.as_json() for item in found.items],
-        "members": [records.member_row(member, now) for member in members],
+        "members": [reports.member_row(member, now) for member in members],
         "server": found.server_json(),
         "queued": list(membership.queued),
     }
@@ -219,7 +219,7 @@ def run_vpn_status(arguments: Arguments) -> ExitCode:
 
 def _lines(found: VpnStatus, members: Sequence[Member], now: datetime) -> Iterator[str]:
     from atlantis_netcfg.cli.vpn._common import table
-    from atlantis_netcfg.operations.vpn.records import expires, status_of, when
+    from atlantis_netcfg.vpn.reports import expires, status_of, when
 
     for entry in found.items:
         yield f"{entry.verdict.value:<12} {entry.message}"

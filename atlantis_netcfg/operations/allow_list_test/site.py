@@ -10,10 +10,10 @@ from atlantis_netcfg.links.cost import Bill, Preview, preview
 from atlantis_netcfg.links.satellite import judge_names
 from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
 from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
-from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.costs import ports_of, ways_of
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.site_links import links_of
+from atlantis_netcfg.operations.common.costs import ports_of, ways_of
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.site_links import links_of
 from atlantis_netcfg.routeros.api import Session, Traffic
 from atlantis_netcfg.routeros.estimate import on_the_wire
 from atlantis_netcfg.runs import NoJournal
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.links import BearerFinding
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 
 @dataclass(frozen=True, slots=True)

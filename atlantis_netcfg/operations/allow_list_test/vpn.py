@@ -16,22 +16,22 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.emulator.udp_link import UdpRelay
 from atlantis_netcfg.links.qualify.transport import UdpTransport
-from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.operations.common.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
 from atlantis_netcfg.operations.qualify.far_end import source_of
-from atlantis_netcfg.operations.qualify.way import MeasuredFlow
-from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity, vpn_server
+from atlantis_netcfg.operations.qualify.routing import MeasuredFlow
 from atlantis_netcfg.operations.vpn.router import identity_for
 from atlantis_netcfg.vpn.identity import Wrap
 from atlantis_netcfg.vpn.pki.keys import FirstPacket
+from atlantis_netcfg.vpn.rehearsal import rehearsed_identity, vpn_server
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.operations.rehearsal import Rehearsal
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.rehearsal import Rehearsal
+    from atlantis_netcfg.operations.common.request import Request
 
 _QUESTIONS, _EVERY_S = 6, 15.0
 """They outlast the gaps of a satellite, and fit into the time after which silence counts."""

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.inventory.model import SshHost, VpnServer
-from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.runs import make_private, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 
 def is_server(host: Host) -> bool:

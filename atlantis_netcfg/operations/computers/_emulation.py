@@ -40,14 +40,14 @@ from atlantis_netcfg.inventory.model import (
     SiteComputer,
     SshHost,
 )
+from atlantis_netcfg.operations.common.request import StandIns, Target
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
-from atlantis_netcfg.operations.request import StandIns, Target
-from atlantis_netcfg.operations.vpn.members import server_names
-from atlantis_netcfg.operations.vpn.requests import DeviceWords, computers, request_of
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import HandoutFile
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
+from atlantis_netcfg.vpn.members import server_names
+from atlantis_netcfg.vpn.requests import DeviceWords, computers, request_of
 from atlantis_netcfg.vpn.server import PACKAGES as VPN
 
 if TYPE_CHECKING:
@@ -135,9 +135,9 @@ def _founded(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, .
 
 def _introduced(declaration: Declaration, hosts: Sequence[Host], folder: Path) -> tuple[Path, tuple[str, ...]]:
     """Make identities for gateways that no server of this rehearsal knows; gives their folder, and what is lacking."""
-    from atlantis_netcfg.operations.vpn import rehearsed  # noqa: PLC0415 - as above
+    from atlantis_netcfg.vpn import rehearsal  # noqa: PLC0415 - as above
 
-    return rehearsed.identities(declaration, hosts, folder / "vpn"), rehearsed.NOT_REHEARSED
+    return rehearsal.identities(declaration, hosts, folder / "vpn"), rehearsal.NOT_REHEARSED
 
 
 def tree_spec(declaration: Declaration) -> lab.TreeSpec:

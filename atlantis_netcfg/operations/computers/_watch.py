@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.operations.apply import RunName, SiteRun
+from atlantis_netcfg.operations.common.request import EventStream, Mode, Request, declaration_of
 from atlantis_netcfg.operations.computers._access import is_computer, key_trouble
-from atlantis_netcfg.operations.request import EventStream, Mode, Request, declaration_of
-from atlantis_netcfg.operations.site import RunName, SiteRun
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.runs import NOT_RECORDED, ActionsConfirmed, JournalFailed, Outcome, conclude
 

@@ -8,19 +8,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.operations.common.costs import gate
+from atlantis_netcfg.operations.common.request import declaration_of, open_request, refuse_examples
+from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns, refuse_unfounded
-from atlantis_netcfg.operations.costs import gate
-from atlantis_netcfg.operations.request import declaration_of, open_request, refuse_examples
-from atlantis_netcfg.operations.site_links import link_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 BUNDLES = "/var/lib/atlantis/bundle"
 """On a computer: where the action `carry` puts a bundle, below its id."""

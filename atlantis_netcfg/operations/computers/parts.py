@@ -15,8 +15,8 @@ from atlantis_netcfg.computers.interop import gateway_interop
 from atlantis_netcfg.computers.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.inventory import Declaration, Host
 from atlantis_netcfg.inventory.model import ControlCentre, Gateway, Model, OperatorStation, VpnServer
+from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers._access import computer_access, is_server
-from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import openvpn_server
 

@@ -24,8 +24,7 @@ from atlantis_netcfg.operations.doctor.folders import folder_items, read_runs
 from atlantis_netcfg.operations.doctor.items import Diagnosis, DoctorItem, DoctorSection
 from atlantis_netcfg.operations.doctor.keys import authority_item, key_items
 from atlantis_netcfg.operations.doctor.network import NetworkUnreadable, read_network
-from atlantis_netcfg.operations.doctor.software import software_items
-from atlantis_netcfg.operations.doctor.way import (
+from atlantis_netcfg.operations.doctor.reachability import (
     RouterPlace,
     ask_router,
     judge_ports,
@@ -34,6 +33,7 @@ from atlantis_netcfg.operations.doctor.way import (
     router_places,
     why_not_contacted,
 )
+from atlantis_netcfg.operations.doctor.software import software_items
 from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:

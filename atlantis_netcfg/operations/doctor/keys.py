@@ -20,10 +20,10 @@ from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import InventoryInvalid, load
 from atlantis_netcfg.inventory.model import LteRouter, SiteComputer, SshHost
+from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.vault import PROMPTS
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
-from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.trust import has_identity
-from atlantis_netcfg.operations.vault import PROMPTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -15,8 +15,8 @@ from atlantis_netcfg.links.lte import LteReading, Registration, judge, routeros
 from atlantis_netcfg.links.satellite import judge_carrier_nat, judge_factory_address
 from atlantis_netcfg.links.wifi import Family, WifiExpected, WifiReading, queries
 from atlantis_netcfg.links.wifi import read as read_wifi
+from atlantis_netcfg.operations.common.terminals import is_terminal, look
 from atlantis_netcfg.operations.links.session import Echo, ReadOnlySession, RouterReading, SessionPort, command, rows
-from atlantis_netcfg.operations.terminals import is_terminal, look
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 
 if TYPE_CHECKING:

@@ -20,10 +20,10 @@ from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.lte import Registration, rutos_client, rutos_settings
 from atlantis_netcfg.links.lte.judge import quality
-from atlantis_netcfg.operations.costs import gate
-from atlantis_netcfg.operations.kinds import is_unit
+from atlantis_netcfg.operations.common.costs import gate
+from atlantis_netcfg.operations.common.kinds import is_unit
+from atlantis_netcfg.operations.common.request import Mode, Request, declaration_of, open_request, refuse_examples
 from atlantis_netcfg.operations.lte.units import FINE, LteResult, LteUnit, NotRehearsed, UnitStatus, words
-from atlantis_netcfg.operations.request import Mode, Request, declaration_of, open_request, refuse_examples
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.routeros.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.runs import (
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.links.lte.rutos_settings import SettingChange
-    from atlantis_netcfg.operations.request import EventStream
+    from atlantis_netcfg.operations.common.request import EventStream
     from atlantis_netcfg.routeros.console.ssh import Commands
 
 

@@ -13,8 +13,8 @@ from atlantis_netcfg.inventory.model import LteAccess, LteDriver, LteRouter
 from atlantis_netcfg.links.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
 from atlantis_netcfg.links.lte import judge as record
 from atlantis_netcfg.links.lte.judge import LteExpected, judge
-from atlantis_netcfg.operations.request import Target
-from atlantis_netcfg.operations.terminals import TriedPin
+from atlantis_netcfg.operations.common.request import Target
+from atlantis_netcfg.operations.common.terminals import TriedPin
 from atlantis_netcfg.routeros.console.ssh import Commands, open_commands
 
 if TYPE_CHECKING:

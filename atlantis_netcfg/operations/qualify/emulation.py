@@ -20,15 +20,15 @@ from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.udp_link import UdpRelay
 from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS, VPN_HEADERS
 from atlantis_netcfg.links.qualify.transport import UdpTransport
-from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.operations.common.link_shapes import link_shapes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.operations.qualify.way import MeasuredFlow
-    from atlantis_netcfg.operations.rehearsal import Rehearsal
+    from atlantis_netcfg.operations.common.rehearsal import Rehearsal
+    from atlantis_netcfg.operations.qualify.routing import MeasuredFlow
 
 _LINK = "the link: it does what is declared below `rate`, and nothing else"
 _TUNNEL_PORT = 1194

@@ -19,14 +19,14 @@ from atlantis_netcfg.inventory.satellite_allow_list import admits, allowed, far_
 from atlantis_netcfg.links.qualify.measured_run import Selection
 from atlantis_netcfg.links.qualify.reflector.stamp import PORT, reflector_key
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
-from atlantis_netcfg.operations.vpn.link import ssh_command
+from atlantis_netcfg.operations.computers.remote_session import ssh_command
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.inventory.model import Bearer, Qualify
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 
 _OPENING_S = 120.0

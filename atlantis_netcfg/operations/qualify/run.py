@@ -28,12 +28,13 @@ from atlantis_netcfg.links.qualify.samples import SampleWriter
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.allow_list_test.prove import temporarily
-from atlantis_netcfg.operations.costs import ports_of
-from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.common.costs import ports_of
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, NothingToQualify, source_in_vpn, source_of
 from atlantis_netcfg.operations.qualify.measure import CUT_OFF, CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned, thresholds_of
-from atlantis_netcfg.operations.qualify.way import (
+from atlantis_netcfg.operations.qualify.routing import (
     MeasuredFlow,
     TunnelTraffic,
     counters,
@@ -44,7 +45,6 @@ from atlantis_netcfg.operations.qualify.way import (
     router_words,
     rows,
 )
-from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.routeros.api import Command, Session
 from atlantis_netcfg.runs import NoJournal
 
@@ -56,10 +56,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.links.qualify.transport import DatagramTransport
+    from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
     from atlantis_netcfg.operations.qualify.plan import QualifyPlan
-    from atlantis_netcfg.operations.qualify.way import FlowCounts
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.qualify.routing import FlowCounts
 
 _ALIVE_S: Final = 10.0
 """How often the router is asked whether its session is there: without it the rows go, and packets stray."""

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.operations.vpn.link import RecordOlder, ServerLink, ServerRefused
+from atlantis_netcfg.operations.computers.remote_session import RecordOlder, ServerLink, ServerRefused
 from atlantis_netcfg.operations.vpn.server_state import (
     PLACE,
     Crl,

@@ -23,11 +23,9 @@ from atlantis_netcfg import __version__
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, complete
 from atlantis_netcfg.core.events import Subscriber, ignore
 from atlantis_netcfg.inventory.model import Router
-from atlantis_netcfg.operations.costs import gate
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.request import Request, refuse_examples
-from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
-from atlantis_netcfg.operations.vpn.router_import import RouterImport
+from atlantis_netcfg.operations.common.costs import gate
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.routeros.apply import DeviceJob, JobMode, Status, converge
 from atlantis_netcfg.runs import (
     Journal,
@@ -44,6 +42,8 @@ from atlantis_netcfg.runs import (
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 from atlantis_netcfg.vpn.identity import Identity, KeyType
+from atlantis_netcfg.vpn.rehearsal import rehearsed_identity
+from atlantis_netcfg.vpn.router_import import RouterImport
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host

@@ -14,19 +14,19 @@ from typing import TYPE_CHECKING, Any, Protocol
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.computers._access import computer_access
+from atlantis_netcfg.operations.computers.remote_session import ServerAway, ServerLink, ServerRefused, SshLink
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.operations.vpn.link import ServerAway, ServerLink, ServerRefused, SshLink
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.vpn.live import RevocationEvidence
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import RevocationResult
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.operations.vpn.link import RecordOlder
+from atlantis_netcfg.operations.computers.remote_session import RecordOlder
 from atlantis_netcfg.operations.vpn.server_state import ServerState, drift, observe
 from atlantis_netcfg.vpn.identity import Wrap
 from atlantis_netcfg.vpn.systems import wrap_of

@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.operations.vpn.link import AnswerLost, ServerLink
+from atlantis_netcfg.operations.computers.remote_session import AnswerLost, ServerLink
 from atlantis_netcfg.vpn.policy import ADMITTED, TABLE
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN, SERVICE, STATUS
 

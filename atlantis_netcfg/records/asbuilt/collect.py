@@ -26,10 +26,10 @@ from atlantis_netcfg.inventory.model import (
     Switch,
     SwitchPortUse,
 )
-from atlantis_netcfg.operations.bearers import PATIENCE_S
+from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.session_link import PATIENCE_S
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.links.look import LinkQueries, bills, session_to
+from atlantis_netcfg.operations.links.collect import LinkQueries, bills, session_to
 from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.records.asbuilt import computer, routeros
 from atlantis_netcfg.records.asbuilt.record import DeviceRecord, Fact, Origin, PortRecord, ReadState, Spent, masked
@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes import Answer
     from atlantis_netcfg.inventory import Declaration, Host
+    from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.links.session import ReadOnlySession
-    from atlantis_netcfg.operations.request import Request
 
 _DONE = frozenset({"changed", "unchanged"})
 """Outcomes of a run in which a device was read back as declared."""

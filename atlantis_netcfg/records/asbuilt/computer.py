@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes import Answer
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 _TREE, _DMI = "/proc/device-tree", "/sys/class/dmi/id"
 _HOST_KEY = "/etc/ssh/ssh_host_ed25519_key.pub"

@@ -14,8 +14,8 @@ from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory.model import BearerKind, LteDriver, LteRouter
 from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, active_bearer
-from atlantis_netcfg.operations.costs import ways_of
-from atlantis_netcfg.operations.links.look import session_to
+from atlantis_netcfg.operations.common.costs import ways_of
+from atlantis_netcfg.operations.links.collect import session_to
 from atlantis_netcfg.operations.links.session import rows
 from atlantis_netcfg.operations.links.status import read_by_driver, read_routeros
 from atlantis_netcfg.operations.lte.units import LteUnit

@@ -15,8 +15,8 @@ from atlantis_netcfg.inventory.model import Gateway
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.computers._access import computer_access
+from atlantis_netcfg.operations.computers.remote_session import ssh_command
 from atlantis_netcfg.operations.qualify.far_end import key_of
-from atlantis_netcfg.operations.vpn.link import ssh_command
 from atlantis_netcfg.records.survey.measure import LinkTester, RunningSurvey
 from atlantis_netcfg.records.survey.points import SurveyHeader
 from atlantis_netcfg.records.survey.positions import (

@@ -13,7 +13,7 @@ from carton import CHANGES, ROUTER, declaration
 
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.operations.adoption import Adoption
+from atlantis_netcfg.operations.adopt import Adoption
 from atlantis_netcfg.routeros.console.terminal import Terminal
 
 RUN = Terminal.run

@@ -12,8 +12,8 @@ from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
 from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
-from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
+from atlantis_netcfg.operations.adopt import Adoption, AdoptionResult
+from atlantis_netcfg.operations.common.rehearsal import factory_spec, site_spec
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 ROUTER = "scc-router"

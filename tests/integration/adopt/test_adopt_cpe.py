@@ -11,8 +11,8 @@ from carton import QUICK, declaration
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
-from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
-from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
+from atlantis_netcfg.operations.adopt import Adoption, AdoptionResult
+from atlantis_netcfg.operations.common.rehearsal import factory_spec, site_spec
 from atlantis_netcfg.routeros.first_contact.run import PreflightRefused
 
 pytestmark = pytest.mark.slow

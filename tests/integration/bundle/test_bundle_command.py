@@ -27,7 +27,7 @@ from atlantis_netcfg.emulator.lab.stubs import publish
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Gateway, ImageLayout
 from atlantis_netcfg.operations.bundle import from_image, wish_of
-from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.common.request import Request
 
 ROOT = Path(__file__).resolve().parents[3]
 SUITES = ("focal", "focal-updates", "focal-security")

@@ -12,7 +12,7 @@ from atlantis_netcfg.computers.bundle.requirements import BundleRefused, Contain
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import HostedService, Ros1Bridge, ServerComputer
 from atlantis_netcfg.operations.bundle import wish_of
-from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.common.request import Request
 
 
 @pytest.fixture

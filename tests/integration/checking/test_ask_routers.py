@@ -12,8 +12,8 @@ from atlantis_netcfg.core.events import Event
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links.status import Query
-from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.operations.common.rehearsal import site_spec
+from atlantis_netcfg.operations.common.request import Request, Target
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 ROUTER, CPE = "coastal-router", "coastal-cpe"

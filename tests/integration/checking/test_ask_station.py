@@ -17,8 +17,8 @@ from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, TwinSpec
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Cpe, PtpProtocol, RadioMenus, WifiEndpoint
-from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.operations.common.rehearsal import site_spec
+from atlantis_netcfg.operations.common.request import Request, Target
 from atlantis_netcfg.routeros.render import cpe
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")

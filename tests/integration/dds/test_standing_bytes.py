@@ -28,7 +28,7 @@ from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
 from atlantis_netcfg.inventory.satellite_allow_list import allowed
 from atlantis_netcfg.links.standing_traffic import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, published
-from atlantis_netcfg.operations.standing import declared_pace, standing_traffic
+from atlantis_netcfg.operations.common.traffic_budget import declared_pace, standing_traffic
 from atlantis_netcfg.vpn import server as vpn_server
 from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
 

@@ -9,7 +9,7 @@ import pytest
 from engine_bench import TEXT, Bench, run
 
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink
-from atlantis_netcfg.operations.bearers import LAN, PATIENCE_S, patient
+from atlantis_netcfg.operations.common.session_link import LAN, PATIENCE_S, patient
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Patience, Status, fleet
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.apply import Channel

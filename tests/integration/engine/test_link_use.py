@@ -16,7 +16,7 @@ from test_sites import bench, declaration
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault
 from atlantis_netcfg.emulator.routeros.spec import DeviceMode, DeviceModeName
 from atlantis_netcfg.links.policy import BearerRoute, active_bearer
-from atlantis_netcfg.operations.costs import ways_of
+from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.routeros import DeviceResult, Endpoint, JobMode, Status, desired
 from atlantis_netcfg.routeros.api import Command, Reply, Session, SessionLost, Unreachable
 from atlantis_netcfg.routeros.apply import Channel, Patience

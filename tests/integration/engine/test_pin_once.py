@@ -9,7 +9,7 @@ from engine_bench import Bench, on
 
 from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
 from atlantis_netcfg.emulator.routeros.core import SimState
-from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
+from atlantis_netcfg.operations.common.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros import DeviceResult, JobMode, converge
 from atlantis_netcfg.routeros.apply import Patience
 from atlantis_netcfg.runs import NoJournal

@@ -9,8 +9,8 @@ from engine_bench import PASSWORD, Bench, leases, on
 
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink, User
 from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.operations.common.rehearsal import site_spec
+from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.render import router
 

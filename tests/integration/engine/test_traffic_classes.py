@@ -8,7 +8,7 @@ from engine_bench import PASSWORD, Bench, on
 from atlantis_netcfg.emulator.routeros import User
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import TrafficClass
-from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.render import router
 

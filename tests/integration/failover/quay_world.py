@@ -10,7 +10,7 @@ from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.spec import DeviceMode
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.links.policy import BearerRoute, active_bearer
-from atlantis_netcfg.operations.rehearsal import site_spec
+from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.routeros.render import router
 
 INVENTORY = Path(__file__).parents[3] / "inventory"

@@ -13,7 +13,7 @@ from quay_world import INVENTORY, World, shipped
 
 from atlantis_netcfg.inventory import InventoryInvalid, load
 from atlantis_netcfg.links.standing_traffic import TrafficSource
-from atlantis_netcfg.operations.standing import standing_traffic
+from atlantis_netcfg.operations.common.traffic_budget import standing_traffic
 from atlantis_netcfg.routeros import rsc
 from atlantis_netcfg.routeros.render import router, router_view
 

@@ -22,7 +22,7 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.emulator.lab import Lab
-from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.operations.common.request import Request, Target
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

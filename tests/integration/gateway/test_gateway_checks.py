@@ -8,9 +8,9 @@ from gateway_role import NAME, Stand
 from gateway_stand import FREE_CLOCK, SHIPPED, Key, Start, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 
-from atlantis_netcfg.operations.vpn.rehearsed import identities
 from atlantis_netcfg.vpn.client import IDENTITY
 from atlantis_netcfg.vpn.client import SERVICE as TUNNEL
+from atlantis_netcfg.vpn.rehearsal import identities
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

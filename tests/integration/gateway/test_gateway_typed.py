@@ -19,7 +19,7 @@ from atlantis_netcfg.emulator.lab import Lab
 from atlantis_netcfg.emulator.lab.stubs import StubArchive
 from atlantis_netcfg.emulator.lab.stubs.interop import GitServer
 from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.common.request import Request
 from bench.declared import Declared
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]

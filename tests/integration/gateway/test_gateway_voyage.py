@@ -24,8 +24,8 @@ from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish
 from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, GitServer, make_interop, serve_git
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.bundle import wish_of
-from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.operations.vpn.rehearsed import identities
+from atlantis_netcfg.operations.common.request import Request
+from atlantis_netcfg.vpn.rehearsal import identities
 from bench.proxy import Count, Shape
 from bench.world import Proxies
 

@@ -10,7 +10,7 @@ import pytest
 from retrieval_programs import GATEWAY, ROBOT, with_retrieval
 
 from atlantis_netcfg.cli import _session, main
-from atlantis_netcfg.operations import retrieve_rehearsed
+from atlantis_netcfg.operations import retrieve_rehearsal
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,9 +46,9 @@ def test_a_robot_is_collected_first_and_a_spoilt_copy_is_not_green(
 ) -> None:
     declared: Declaration = with_retrieval(robots=[ROBOT], sources=[{"host": GATEWAY}])
     monkeypatch.setattr(_session, "load", lambda *_, **__: declared)
-    monkeypatch.setattr(retrieve_rehearsed, "_MOST_BYTES", 400_000)
+    monkeypatch.setattr(retrieve_rehearsal, "_MOST_BYTES", 400_000)
     kept: list[dict[str, str]] = []
-    real = retrieve_rehearsed._digests
+    real = retrieve_rehearsal._digests
 
     def digests(folder: Path) -> dict[str, str]:
         if folder.name == ROBOT["robot"]:
@@ -56,7 +56,7 @@ def test_a_robot_is_collected_first_and_a_spoilt_copy_is_not_green(
             next(folder.rglob("*.db3")).write_bytes(b"spoilt")
         return real(folder)
 
-    monkeypatch.setattr(retrieve_rehearsed, "_digests", digests)
+    monkeypatch.setattr(retrieve_rehearsal, "_digests", digests)
     assert main(["retrieve", "site=coastal", "from=sparus", "--rehearse", "--json"]) == 6
     document: dict[str, Any] = json.loads(capsys.readouterr().out)
     assert (document["whole"], document["same"], document["from"]) == (True, False, "sparus")

@@ -8,7 +8,7 @@ from gateway_stand import Key, Start, ground, machine, technician  # noqa: F401 
 from retrieval_stand import FOLDER, GATEWAY, KEPT, MB, Ends, ends
 
 from atlantis_netcfg.emulator.lab import Lab
-from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.operations.common.request import Request, Target
 from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalSelection, program_by_ssh, source_at
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

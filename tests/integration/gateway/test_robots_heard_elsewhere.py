@@ -21,8 +21,8 @@ from waiting import wait_until
 from atlantis_netcfg.emulator.lab import Lab, Machine
 from atlantis_netcfg.inventory.model import DdsPath
 from atlantis_netcfg.inventory.robots.reading import load_robots
-from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.operations.robots_remote import VENV, ListeningFailed, listen_there
+from atlantis_netcfg.operations.common.request import Request, Target
+from atlantis_netcfg.operations.robots.remote import VENV, ListeningFailed, listen_there
 from atlantis_netcfg.robots.observation import judge
 
 if find_spec("cyclonedds") is None:

@@ -118,7 +118,7 @@ from atlantis_netcfg.checklist.plan import plan
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.inventory.loader import load
 from atlantis_netcfg.computers.dds import profile_views
-from atlantis_netcfg.operations.site_links import link_of
+from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.vpn.client import site_link
 
 declaration = load(Path("inventory"))

@@ -12,14 +12,14 @@ from typing import Any
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, SiteSpec, TwinSpec
 from atlantis_netcfg.inventory import Declaration, Host, choose, load
-from atlantis_netcfg.operations.kinds import handled, is_unit
-from atlantis_netcfg.operations.links.look import LinksStatus, look
+from atlantis_netcfg.operations.apply import perform
+from atlantis_netcfg.operations.common.kinds import handled, is_unit
+from atlantis_netcfg.operations.common.rehearsal import site_spec
+from atlantis_netcfg.operations.common.request import Request, Target
+from atlantis_netcfg.operations.common.schedule import with_other_ends
+from atlantis_netcfg.operations.links.collect import LinksStatus, look
 from atlantis_netcfg.operations.lte.run import perform as perform_lte
 from atlantis_netcfg.operations.lte.units import emulated_units
-from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.operations.schedule import with_other_ends
-from atlantis_netcfg.operations.site import perform
 from atlantis_netcfg.runs.report.links import LinksReport
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -14,9 +14,9 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec, TwinSpec
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.operations.common.request import Target
+from atlantis_netcfg.operations.common.terminals import TriedPin
 from atlantis_netcfg.operations.lte.run import perform
-from atlantis_netcfg.operations.request import Target
-from atlantis_netcfg.operations.terminals import TriedPin
 from atlantis_netcfg.runs import Store
 from atlantis_netcfg.runs.report.links import LinksReport
 

@@ -39,9 +39,16 @@ PRELOADED = (
     *("atlantis_netcfg.cli", "atlantis_netcfg.emulator.routeros.__main__"),
     *("atlantis_netcfg.cli._output", "atlantis_netcfg.cli._arguments", "atlantis_netcfg.cli._playbook"),
     *("atlantis_netcfg.cli._session", "atlantis_netcfg.cli.devices", "atlantis_netcfg.cli.runs"),
-    *("atlantis_netcfg.operations.jobs", "atlantis_netcfg.operations.rehearsal", "atlantis_netcfg.operations.restore"),
-    *("atlantis_netcfg.operations.terminals", "atlantis_netcfg.operations.site", "atlantis_netcfg.operations.site"),
-    *("atlantis_netcfg.operations.vault", "atlantis_netcfg.runs.report.drift", "atlantis_netcfg.routeros.fleet"),
+    *(
+        "atlantis_netcfg.operations.common.jobs",
+        "atlantis_netcfg.operations.common.rehearsal",
+        "atlantis_netcfg.operations.restore",
+    ),
+    *(
+        "atlantis_netcfg.operations.common.terminals",
+        "atlantis_netcfg.operations.apply",
+    ),
+    *("atlantis_netcfg.operations.common.vault", "atlantis_netcfg.runs.report.drift", "atlantis_netcfg.routeros.fleet"),
     *("cryptography.hazmat.primitives.kdf.pbkdf2", "cryptography.x509", "jinja2.nativetypes", "jinja2.sandbox"),
     *("multiprocessing.queues", "multiprocessing.shared_memory", "multiprocessing.synchronize", "packaging.tags"),
     *("curses", "pprint", "pty", "syslog", "tarfile", "xml.dom.minidom", "xml.etree.ElementTree", "yaml"),
@@ -60,7 +67,7 @@ ANSIBLE = (
     *(
         "atlantis_netcfg.computers.bundle.open",
         "atlantis_netcfg.core.remote_bundle",
-        "atlantis_netcfg.operations.request",
+        "atlantis_netcfg.operations.common.request",
     ),
     *("atlantis_netcfg.operations.computers._watch", "atlantis_netcfg.operations.computers.desired_state"),
 )
@@ -396,7 +403,7 @@ def _main() -> int:
         if prepared:
             _read_names()
         else:
-            import_module("atlantis_netcfg.operations.rehearsal").spawn = spawn  # type: ignore[attr-defined]
+            import_module("atlantis_netcfg.operations.common.rehearsal").spawn = spawn  # type: ignore[attr-defined]
         assert ("ansible.constants" in sys.modules) == prepared
     signal.signal(signal.SIGINT, signal.default_int_handler)
     gc.collect()

@@ -26,8 +26,8 @@ from ansible.parsing.vault import VaultLib, VaultSecret
 
 from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite, User
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.operations.site import perform
+from atlantis_netcfg.operations.apply import perform
+from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.runs import Store
 
 CHECKOUT = Path(__file__).resolve().parents[3]

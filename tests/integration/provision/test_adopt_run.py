@@ -20,7 +20,7 @@ from quay import _VAULT, PROVISION, _inventory, _namespace, _pump
 
 from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.rehearsal import factory_spec
+from atlantis_netcfg.operations.common.rehearsal import factory_spec
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

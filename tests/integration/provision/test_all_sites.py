@@ -9,8 +9,8 @@ from quay import CHECKOUT
 from test_rehearsal import provision
 
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal
-from atlantis_netcfg.operations.site import perform
+from atlantis_netcfg.operations.apply import perform
+from atlantis_netcfg.operations.common.rehearsal import Rehearsal, rehearsal
 from atlantis_netcfg.runs import SiteLock, Store
 
 ROUTERS = ["coastal-router", "scc-router", "te4sea-router"]

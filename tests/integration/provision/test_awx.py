@@ -13,7 +13,7 @@ import yaml
 from quay import CHECKOUT
 
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal
+from atlantis_netcfg.operations.common.rehearsal import Rehearsal, rehearsal
 
 RUNNER = str(Path(sys.executable).with_name("ansible-runner"))
 DEFINITION = yaml.safe_load((CHECKOUT / "execution-environment.yml").read_text(encoding="utf-8"))

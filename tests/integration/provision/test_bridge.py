@@ -14,9 +14,9 @@ import pytest
 
 from atlantis_netcfg.emulator.routeros import SpawnedSite
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.rehearsal import Rehearsal, rehearsal, site_spec
-from atlantis_netcfg.operations.request import Target
-from atlantis_netcfg.operations.site import perform
+from atlantis_netcfg.operations.apply import perform
+from atlantis_netcfg.operations.common.rehearsal import Rehearsal, rehearsal, site_spec
+from atlantis_netcfg.operations.common.request import Target
 from atlantis_netcfg.routeros.rsc import parse
 from atlantis_netcfg.runs import RunResumed, SiteLock, Store
 
@@ -36,7 +36,7 @@ FAMILIES: dict[str, dict[str, str]] = {
 @pytest.fixture(autouse=True)
 def prepared_twins(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fork the emulated routers of a rehearsal from the process that has imported what they need."""
-    monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.spawn", preforked.spawn)
+    monkeypatch.setattr("atlantis_netcfg.operations.common.rehearsal.spawn", preforked.spawn)
 
 
 def inventory(folder: Path, edits: Mapping[str, str]) -> Path:

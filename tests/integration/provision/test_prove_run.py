@@ -21,9 +21,9 @@ from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.allow_list_test import site
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
 from atlantis_netcfg.operations.allow_list_test.prove import ProofPace
-from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity, vpn_server
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
 from atlantis_netcfg.vpn.identity import Identity, Wrap
+from atlantis_netcfg.vpn.rehearsal import rehearsed_identity, vpn_server
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 

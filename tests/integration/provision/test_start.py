@@ -30,7 +30,7 @@ UNUSED = {
     "atlantis_netcfg.computers",
     "atlantis_netcfg.computers.image",
     "atlantis_netcfg.emulator.lab",
-    "atlantis_netcfg.operations.rehearsal",
+    "atlantis_netcfg.operations.common.rehearsal",
     "atlantis_netcfg.routeros.packages",
     "atlantis_netcfg.checklist.probes",
     "atlantis_netcfg.emulator.routeros.router",

@@ -10,7 +10,7 @@ import preforked
 import pytest
 
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.common.kinds import handled
 
 CHECKOUT = Path(__file__).parents[3]
 SWITCH = """\

@@ -10,7 +10,7 @@ from quay import ROUTER, Quay, quay
 
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links.policy import active_bearer
-from atlantis_netcfg.operations.costs import ways_of
+from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]

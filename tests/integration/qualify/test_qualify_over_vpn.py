@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from matrix_stand import Vpn
 
     from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 SHIPPED = Path(__file__).parents[3] / "inventory"

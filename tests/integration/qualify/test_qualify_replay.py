@@ -24,7 +24,7 @@ from atlantis_netcfg.links.qualify.measured_run import (
 from atlantis_netcfg.links.qualify.samples import SampleWriter, read
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.links.qualify.transport import UdpTransport
-from atlantis_netcfg.operations.link_shapes import open_replay, replayed
+from atlantis_netcfg.operations.common.link_shapes import open_replay, replayed
 
 _PLAN = TrainPlan(172, 0.02, 4, timeout_s=1.5)
 _SHARE = 0.05

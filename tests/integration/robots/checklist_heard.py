@@ -10,7 +10,7 @@ from atlantis_netcfg.checklist import Scope, plan
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.checklist.runner import RealEars, examine
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.common.request import Mode, Request
 
 
 def main(state: Path) -> None:

@@ -44,7 +44,7 @@ from atlantis_netcfg.links.qualify.profile import read_profile
 from atlantis_netcfg.links.qualify.responses import answered_packets
 from atlantis_netcfg.links.qualify.samples import PacketSent, ReplyReceived, Sample, read
 from atlantis_netcfg.links.qualify.transfers import message_figures
-from atlantis_netcfg.operations.link_shapes import replayed
+from atlantis_netcfg.operations.common.link_shapes import replayed
 
 ROOT = Path(__file__).parents[3]
 PROGRAMS = Path(__file__).with_name("programs")

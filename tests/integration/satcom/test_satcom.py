@@ -16,7 +16,7 @@ from satcom_page import page
 from atlantis_netcfg.computers.dds import TUNING
 from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.links.qualify.profile import DirectionProfile, LinkProfile
-from atlantis_netcfg.operations.link_shapes import replayed
+from atlantis_netcfg.operations.common.link_shapes import replayed
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 _ANNOUNCE_S = 2

@@ -14,7 +14,7 @@ from waiting import HANG_S, wait_until
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd
 from atlantis_netcfg.operations import Mode, Request
-from atlantis_netcfg.operations.request import Target
+from atlantis_netcfg.operations.common.request import Target
 from atlantis_netcfg.records.survey.measure import SurveyPlan
 from atlantis_netcfg.records.survey.positions import GpsdSource, NoPosition, TrackPosition
 from atlantis_netcfg.records.survey.radio import surveyed_link

@@ -12,8 +12,8 @@ from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.links.cost import CostRefused
 from atlantis_netcfg.operations import Request
-from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.site_links import link_of
+from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.upgrade import PreparedUpgrade, _cost
 from atlantis_netcfg.routeros.packages import Upgrade, read_npk
 

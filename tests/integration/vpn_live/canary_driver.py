@@ -10,8 +10,8 @@ from pathlib import Path
 from local_link import LocalLink
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.operations.vpn import members
 from atlantis_netcfg.operations.vpn import server as connected
+from atlantis_netcfg.vpn import members
 
 ENTER = ("nsenter", "-t", sys.argv[2], "-m", "-n")
 CRASH = "CRASH"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from atlantis_netcfg.operations.vpn.link import ServerAway, _RemoteLink
+from atlantis_netcfg.operations.computers.remote_session import ServerAway, _RemoteLink
 
 
 class LocalLink(_RemoteLink):

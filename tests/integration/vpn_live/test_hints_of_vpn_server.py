@@ -15,9 +15,9 @@ from vpn_desk import PASSPHRASE
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_serve
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.operations.computers.remote_session import SshLink
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn import server as connected
-from atlantis_netcfg.operations.vpn.link import SshLink
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER
 

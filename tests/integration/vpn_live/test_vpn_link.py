@@ -14,8 +14,8 @@ from local_link import LocalLink
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_serve
 from atlantis_netcfg.core.remote_bundle import build_live
-from atlantis_netcfg.operations.vpn import link as link_module
-from atlantis_netcfg.operations.vpn.link import (
+from atlantis_netcfg.operations.computers import remote_session as link_module
+from atlantis_netcfg.operations.computers.remote_session import (
     FOLDER,
     AnswerLost,
     HostKeyChanged,

@@ -19,9 +19,9 @@ from local_link import LocalLink
 from vpn_desk import NOBODY, PASSPHRASE, Desk, seated
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.operations.computers.remote_session import ServerRefused
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn import server as connected
-from atlantis_netcfg.operations.vpn.link import ServerRefused
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER
 

@@ -13,8 +13,8 @@ import pytest
 from live_stand import NAME, Client, Echo, Record, Server, declaration, record, server_of
 from local_link import LocalLink
 
+from atlantis_netcfg.operations.computers.remote_session import ServerRefused
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.operations.vpn.link import ServerRefused
 from atlantis_netcfg.operations.vpn.server_state import PLACE
 from atlantis_netcfg.routeros.render import template_folder
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT

@@ -6,8 +6,8 @@ import pytest
 from vpn_server_stand import NAME, TUNNEL, Stand, stand  # noqa: F401 - a fixture
 from waiting import wait_until
 
+from atlantis_netcfg.operations.computers.remote_session import SshLink
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.operations.vpn.link import SshLink
 
 pytestmark = [pytest.mark.namespace, pytest.mark.campaign]
 

@@ -23,13 +23,13 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.lab import Lab, Machine, build_rootfs, open_lab, why_not
 from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, join
 from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.operations.vpn.members import server_names
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
 from atlantis_netcfg.vpn.enrolment_package.profile import profile
 from atlantis_netcfg.vpn.identity import Identity, MemberKind, MemberLink
+from atlantis_netcfg.vpn.members import server_names
 
 ROOT = Path(__file__).resolve().parents[3]
 NAME = "scc-vpn"

@@ -8,11 +8,11 @@ from typing import Any
 
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
+from atlantis_netcfg.operations.common.rehearsal import site_spec
+from atlantis_netcfg.operations.common.request import Request, Target
 from atlantis_netcfg.operations.vpn.router import InstalledIdentity, install
 from atlantis_netcfg.vpn.identity import Identity
+from atlantis_netcfg.vpn.rehearsal import rehearsed_identity
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 HOST = SHIPPED.hosts["coastal-router"]

@@ -10,14 +10,14 @@ from router_stand import HOST, SHIPPED, Stand, router
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.emulator.routeros import FaultKind
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.operations.vpn.rehearsed import identities, rehearsed_identity
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.vpn.router import identity_for, install
-from atlantis_netcfg.operations.vpn.router_import import PEM, PROFILE, RouterImport
 from atlantis_netcfg.routeros.apply import DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.runs import NoJournal
 from atlantis_netcfg.vpn import routeros
+from atlantis_netcfg.vpn.rehearsal import identities, rehearsed_identity
+from atlantis_netcfg.vpn.router_import import PEM, PROFILE, RouterImport
 
 NAME, CERTIFICATE = "ovpn-scc", "atlantis-vpn"
 STEPS = (

@@ -11,7 +11,7 @@ from atlantis_netcfg.checklist.probes import Answer, CommandResult, Trouble
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.reading_programs import allowed
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.records.asbuilt import computer
 from atlantis_netcfg.records.asbuilt.collect import SiteLook
 from atlantis_netcfg.records.asbuilt.record import DeviceRecord, Link, Origin, ReadState

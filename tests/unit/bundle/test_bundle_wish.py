@@ -11,8 +11,8 @@ from atlantis_netcfg.computers.bundle.requirements import Library, PackageRequir
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, wish_of
+from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers.parts import PARTS, Part
-from atlantis_netcfg.operations.request import Request
 
 
 def part(told: Mapping[str, Any]) -> Part:

@@ -17,8 +17,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.er
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.computers.bundle.manifest import BundleSigner, Keys, Manifest
 from atlantis_netcfg.operations import bundle as bundling
+from atlantis_netcfg.operations.common.request import Mode
 from atlantis_netcfg.operations.computers._watch import ComputerResult
-from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.apply import Status
 
 __all__ = ["folder", "keys", "signer"]

@@ -20,9 +20,9 @@ from atlantis_netcfg.core.events import Event, Verdict
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.operations.allow_list_test.prove import Proof
-from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.links.look import LinksStatus as LooksBack
-from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.operations.common.request import Request
+from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.links.collect import LinksStatus as LooksBack
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 SHIPPED = load(INVENTORY)

@@ -12,9 +12,9 @@ from atlantis_netcfg.checklist.runner.cost import previews
 from atlantis_netcfg.checklist.runner.robots import ask_robots
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links.cost import preview
-from atlantis_netcfg.operations import robots_cost, robots_remote
-from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.operations.site_links import link_of
+from atlantis_netcfg.operations.common.request import Request
+from atlantis_netcfg.operations.common.site_links import link_of
+from atlantis_netcfg.operations.robots import listening_cost, remote
 from atlantis_netcfg.robots.observation import Observation
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
@@ -38,7 +38,7 @@ def places(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float, Any]]:
         asked.append((host.name, seconds, sites))
         return Observation(seconds)
 
-    monkeypatch.setattr(robots_remote, "listen_there", listen_there)
+    monkeypatch.setattr(remote, "listen_there", listen_there)
     return asked
 
 
@@ -46,7 +46,7 @@ def test_nothing_crosses_a_metered_link_without_consent(
     monkeypatch: pytest.MonkeyPatch, places: list[tuple[str, float, Any]]
 ) -> None:
     cost = preview(2_000_000, 20.0, link_of(SHIPPED, "te4sea", "satellite"))
-    monkeypatch.setattr(robots_cost, "listening_cost", lambda *_: cost)
+    monkeypatch.setattr(listening_cost, "listening_cost", lambda *_: cost)
     refusal = ask(Request())
     assert (refusal.trouble, places) == (Trouble.NO_PLACE, [])
     assert "nobody has agreed to pay for this" in refusal.words
@@ -57,14 +57,14 @@ def test_nothing_crosses_a_metered_link_without_consent(
 def test_where_a_link_is_free_the_control_centre_is_asked(
     monkeypatch: pytest.MonkeyPatch, places: list[tuple[str, float, Any]]
 ) -> None:
-    monkeypatch.setattr(robots_cost, "listening_cost", lambda *_: None)
+    monkeypatch.setattr(listening_cost, "listening_cost", lambda *_: None)
     assert ask(Request()).trouble is None
     assert [name for name, _, _ in places] == ["scc-control"]
 
 
 def test_the_cost_of_listening_is_told_before(monkeypatch: pytest.MonkeyPatch) -> None:
     cost = preview(2_000_000, 20.0, link_of(SHIPPED, "te4sea", "satellite"))
-    monkeypatch.setattr(robots_cost, "listening_cost", lambda *_: cost)
+    monkeypatch.setattr(listening_cost, "listening_cost", lambda *_: cost)
     probe: Any = type("Probe", (), {"asks": lambda _: (QUESTION, replace(QUESTION, name="again"))})()
     entry: Any = type("Entry", (), {"step": type("Step", (), {"probe": probe})()})()
     assert previews(SHIPPED, "te4sea", [entry], Request()) == (cost,)

@@ -73,7 +73,7 @@ def ears(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> NobodyThere:
     there = NobodyThere()
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.rehearsal", nothing)
+    monkeypatch.setattr("atlantis_netcfg.operations.common.rehearsal.rehearsal", nothing)
     without_robots = replace(pilot(), root=tmp_path)
     monkeypatch.setattr(_session, "load", lambda *_, **__: without_robots)
     monkeypatch.setattr(_checklist_session, "listening", nobody)

@@ -7,7 +7,7 @@ from typing import Any
 
 from atlantis_netcfg.operations.doctor import DoctorItem
 from atlantis_netcfg.operations.doctor.network import CardFacts, IpPrints, NetworkFacts, facts_of
-from atlantis_netcfg.operations.doctor.way import RouterPlace
+from atlantis_netcfg.operations.doctor.reachability import RouterPlace
 
 PLACE = RouterPlace(
     site="coastal",

@@ -220,7 +220,7 @@ def test_example_values_are_rehearsed_next(capsys: pytest.CaptureFixture[str], m
         raise NothingBehindIt
 
     monkeypatch.setattr("atlantis_netcfg.cli._rehearse.rehearse", rehearsed)
-    monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.rehearsal", _no_twins)
+    monkeypatch.setattr("atlantis_netcfg.operations.common.rehearsal.rehearsal", _no_twins)
     assert main(words) == 7
     assert len(seen) == 1
 

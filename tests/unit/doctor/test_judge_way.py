@@ -11,7 +11,7 @@ from laptop_network import PLACE, Plug, lines, network, route
 from row_subtests import for_each_row
 
 from atlantis_netcfg.operations.doctor.network import IpPrints, NetworkUnreadable, facts_of, managed_of
-from atlantis_netcfg.operations.doctor.way import (
+from atlantis_netcfg.operations.doctor.reachability import (
     RouterAnswer,
     RouterPlace,
     judge_ports,

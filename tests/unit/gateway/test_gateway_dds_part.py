@@ -10,8 +10,8 @@ from atlantis_netcfg.computers.dds import LOGIN, GatewayDds, gateway_dds
 from atlantis_netcfg.computers.services import ENVIRONMENT
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, RosDistribution
+from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers.parts import PARTS
-from atlantis_netcfg.operations.request import Request
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.operations.common.request import Mode
 from atlantis_netcfg.operations.computers._watch import ComputerResult
-from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.runs.report.drift import DriftReport
 

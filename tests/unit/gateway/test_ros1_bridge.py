@@ -15,8 +15,8 @@ from atlantis_netcfg.emulator.lab.stubs import publish, ros_packages
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Gateway, Ros1Bridge, Ros2
 from atlantis_netcfg.operations.bundle import wish_of
+from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers.parts import PARTS
-from atlantis_netcfg.operations.request import Request
 
 ROOT = Path(__file__).parents[3]
 HOST = "coastal-gateway"

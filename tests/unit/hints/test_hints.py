@@ -11,7 +11,7 @@ NOT_TYPED = 0
 """So many hints are typed by no test yet. It may only fall."""
 OF_RUNS = (
     *("cli/devices.py", "cli/recovery/resume.py", "cli/recovery/rollback.py", "cli/runs.py", "runs/run.py"),
-    *("operations/restore.py", "operations/saved_states.py"),
+    *("operations/restore.py", "operations/common/saved_states.py"),
     *("routeros/apply/_state.py", "routeros/apply/_settle.py"),
 )
 """Whoever reads these has a device that is open: none of them may be left untyped."""

@@ -13,7 +13,7 @@ from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 from atlantis_netcfg.cli._output import as_typed
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.inventory import load as load_declaration
-from atlantis_netcfg.operations.request import Request, of_variables, refuse_examples
+from atlantis_netcfg.operations.common.request import Request, of_variables, refuse_examples
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 _SAMPLES = {

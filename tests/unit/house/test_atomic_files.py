@@ -24,7 +24,7 @@ from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.links.qualify.judgement import profile as thresholds
 from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection, write_run
 from atlantis_netcfg.links.qualify.profile import LinkProfile, write_profile
-from atlantis_netcfg.operations import inventory_files
+from atlantis_netcfg.operations.common import inventory_files
 from atlantis_netcfg.runs import Counters, Pins, SiteLock, Usage, unwritable
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import model
@@ -216,7 +216,7 @@ ELSEWHERE = {
     "computers/bundle/resolve.py": 5,
     "computers/image/ext4.py": 2,
     "computers/image/plan.py": 1,
-    "operations/retrieve_rehearsed.py": 4,
+    "operations/retrieve_rehearsal.py": 4,
     # Into a folder that is new and ours: the draft of a bundle, the draft of an inventory.
     "computers/bundle/build.py": 3,
     "inventory/new_inventory/writing.py": 1,

@@ -37,7 +37,7 @@ ALLOWED = {
     ("atlantis_netcfg/emulator/modem.py", "heard"): _NOT_YET,
     ("atlantis_netcfg/emulator/routeros/console/people.py", "wanted"): _NOT_YET,
     ("atlantis_netcfg/emulator/routeros/wire/link.py", "heard"): _NOT_YET,
-    ("atlantis_netcfg/operations/links/look.py", "asked"): _NOT_YET,
+    ("atlantis_netcfg/operations/links/collect.py", "asked"): _NOT_YET,
     ("atlantis_netcfg/routeros/render/view.py", "held"): _NOT_YET,
     ("atlantis_netcfg/runs/report/links.py", "asked"): _NOT_YET,
 }

@@ -11,7 +11,7 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.inventory import load, validate
 from atlantis_netcfg.inventory._yaml import parse
 from atlantis_netcfg.inventory.examples import by_line, examples_in
-from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.operations.common.request import refuse_examples
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 

@@ -17,7 +17,7 @@ from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers, LteAnswers, PilotAnswers, SiteAnswers
 from atlantis_netcfg.inventory.new_inventory.questions import Interview, Question, wrong
 from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, Vaulted, document
-from atlantis_netcfg.operations.vault import Vault
+from atlantis_netcfg.operations.common.vault import Vault
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -138,14 +138,14 @@ def test_passwords_are_made_new_and_encrypted(tmp_path: Path, monkeypatch: pytes
     password = tmp_path / "password"
     password.write_text("of a test\n", encoding="utf-8")
     monkeypatch.setenv("ANSIBLE_VAULT_PASSWORD_FILE", str(password))
-    monkeypatch.setattr("atlantis_netcfg.operations.vault.is_configured", lambda: True)
+    monkeypatch.setattr("atlantis_netcfg.operations.common.vault.is_configured", lambda: True)
     sealed: list[str] = []
 
     def encrypt(_: object, text: str) -> str:
         sealed.append(text)
         return f"$ANSIBLE_VAULT;1.1;AES256\n{len(sealed):04}"
 
-    monkeypatch.setattr("atlantis_netcfg.operations.vault.Vault.encrypt", encrypt)
+    monkeypatch.setattr("atlantis_netcfg.operations.common.vault.Vault.encrypt", encrypt)
     assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
     assert len(set(sealed)) == len(sealed) >= 8
     assert min(map(len, sealed)) >= 20
@@ -157,7 +157,7 @@ def test_passwords_are_made_new_and_encrypted(tmp_path: Path, monkeypatch: pytes
 
 
 def test_a_password_for_the_vault_is_typed_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("atlantis_netcfg.operations.vault.is_configured", lambda: False)
+    monkeypatch.setattr("atlantis_netcfg.operations.common.vault.is_configured", lambda: False)
     typed = iter(["of a test", "of a test", "of a test", "of a toast", ""])
     monkeypatch.setattr("getpass.getpass", lambda _: next(typed))
     encrypt = _encrypt(ask=True)

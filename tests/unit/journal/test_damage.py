@@ -11,9 +11,9 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.inventory import Declaration, Host
-from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.saved_states import hosts_to_restore, saved_run
 from atlantis_netcfg.operations.restore import LATEST, confirmed_state
-from atlantis_netcfg.operations.saved_states import hosts_to_restore, saved_run
 from atlantis_netcfg.runs import (
     LayerSent,
     NoSuchRun,

@@ -9,7 +9,7 @@ import pytest
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links import LinkState
 from atlantis_netcfg.links.wifi import Family, read
-from atlantis_netcfg.operations.links import look as looking
+from atlantis_netcfg.operations.links import collect as looking
 from atlantis_netcfg.operations.links.status import BoxesStatus, RadioLook, Silent, of_bridge
 
 DECLARATION = load(Path(__file__).resolve().parents[3] / "inventory")

@@ -20,7 +20,7 @@ from atlantis_netcfg.links.lte.rutos_client import CertificateUnknown
 from atlantis_netcfg.links.lte.rutos_read import read
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.lte.assumptions import ASSUMPTIONS, judge
-from atlantis_netcfg.operations.verifying import Verifying, written
+from atlantis_netcfg.operations.verify import Verifying, written
 from atlantis_netcfg.routeros.assumptions import READS
 
 PACKAGE = Path(__file__).parents[3] / "atlantis_netcfg"

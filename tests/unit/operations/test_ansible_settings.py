@@ -11,7 +11,7 @@ import pytest
 
 PROGRAM = """
 import json, sys
-from atlantis_netcfg.operations.vault import import_ansible
+from atlantis_netcfg.operations.common.vault import import_ansible
 import_ansible()
 import ansible.executor.playbook_executor
 left_out = "paramiko" not in sys.modules

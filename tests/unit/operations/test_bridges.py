@@ -4,7 +4,7 @@ import pytest
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.inventory import Declaration
-from atlantis_netcfg.operations.schedule import bridges
+from atlantis_netcfg.operations.common.schedule import bridges
 
 BOTH = ["coastal-cpe", "scc-cpe"]
 

@@ -19,13 +19,13 @@ from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory import load as load_inventory
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.cost import CostRefused
-from atlantis_netcfg.operations import Mode, Request, Target, site
-from atlantis_netcfg.operations.costs import Costs, Meter, beforehand, gate, ports_of, ways_of
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.request import ACCEPT_COST as ACCEPT
-from atlantis_netcfg.operations.request import REMOVE_FOREIGN, of_variables
-from atlantis_netcfg.operations.site_links import links_of
+from atlantis_netcfg.operations import Mode, Request, Target, apply
+from atlantis_netcfg.operations.common.costs import Costs, Meter, beforehand, gate, ports_of, ways_of
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.request import ACCEPT_COST as ACCEPT
+from atlantis_netcfg.operations.common.request import REMOVE_FOREIGN, of_variables
+from atlantis_netcfg.operations.common.site_links import links_of
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
@@ -207,10 +207,10 @@ def test_the_bound_before_reading_is_above_every_text_of_the_pilot(declaration: 
 
 def test_the_plain_door_is_guarded(declaration: Declaration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = replace(declaration, pilot=declaration.pilot.model_copy(update={"example_values": False}))
-    monkeypatch.setattr(site, "declaration_of", lambda *_, **__: real)
+    monkeypatch.setattr(apply, "declaration_of", lambda *_, **__: real)
     for plan_only in (True, False):
         with pytest.raises(CostRefused, match="nobody has agreed to pay"):
-            site.perform(INVENTORY, ["te4sea-router"], {"state": str(tmp_path)}, plan_only=plan_only, decrypt=str)
+            apply.perform(INVENTORY, ["te4sea-router"], {"state": str(tmp_path)}, plan_only=plan_only, decrypt=str)
     assert not (tmp_path / "real").exists()
 
 

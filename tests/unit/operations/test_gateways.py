@@ -12,12 +12,12 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.operations.apply import RunName, SiteRun
+from atlantis_netcfg.operations.common.request import Mode, Request, StandIns, Target
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._watch import Watch
 from atlantis_netcfg.operations.computers.desired_state import fetching, narrowed, perform
 from atlantis_netcfg.operations.computers.parts import PARTS
-from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
-from atlantis_netcfg.operations.site import RunName, SiteRun
 from atlantis_netcfg.runs import SiteBusy, Store
 from atlantis_netcfg.runs.report.drift import drift_lines
 

@@ -9,8 +9,8 @@ from atlantis_netcfg.emulator.udp_link import DrawnGap, LinkShape
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Bearer, LinkGap
 from atlantis_netcfg.links.qualify.profile import DirectionProfile, LinkProfile, ProfileGap, write_profile
-from atlantis_netcfg.operations.link_shapes import Replay, link_shapes, open_replay, shapes_to
-from atlantis_netcfg.operations.rehearsal import link, site_spec
+from atlantis_netcfg.operations.common.link_shapes import Replay, link_shapes, open_replay, shapes_to
+from atlantis_netcfg.operations.common.rehearsal import link, site_spec
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 ROUTER = DECLARED.hosts["coastal-router"]

@@ -11,10 +11,10 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import Host, load
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Sim
 from atlantis_netcfg.operations import Request, Target
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
-from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.rehearsal import factory_spec, site_spec
+from atlantis_netcfg.operations.common.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.runs import NoJournal, Store
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")

@@ -11,9 +11,9 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory.model import Cpe, SignalBounds
 from atlantis_netcfg.operations import Mode, Request
-from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.rehearsal import site_spec
-from atlantis_netcfg.operations.schedule import far_bearer, members_of, pair_of, with_other_ends
+from atlantis_netcfg.operations.common.rehearsal import site_spec
+from atlantis_netcfg.operations.common.schedule import far_bearer, members_of, pair_of, with_other_ends
+from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Status, fleet
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.pair import Signal

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.operations.bearers import LAN, patient
+from atlantis_netcfg.operations.common.session_link import LAN, patient
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.estimate import BearerProfile
 

@@ -11,8 +11,9 @@ from atlantis_netcfg.core.crash_report import Crashed
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations import Request, Target, bearers, site
-from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations import Request, Target, apply
+from atlantis_netcfg.operations.common import session_link
+from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.runs import NoJournal
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
@@ -29,11 +30,11 @@ def test_a_fault_of_ours_goes_to_a_log_file_and_to_whoever_listens(
     def broken(*_: object, **__: object) -> NoReturn:
         raise ZeroDivisionError("the password is swordfish")
 
-    monkeypatch.setattr(site, "declaration_of", broken)
+    monkeypatch.setattr(apply, "declaration_of", broken)
     reader, writer = os.pipe()
     request = {"state": str(tmp_path), "events_fd": writer, "command": "provision site=coastal"}
     with pytest.raises(Crashed, match=r"^provision itself failed \(ZeroDivisionError\)") as caught:
-        site.perform(INVENTORY, ["coastal-router"], request, plan_only=True, decrypt=str)
+        apply.perform(INVENTORY, ["coastal-router"], request, plan_only=True, decrypt=str)
     os.close(writer)
     (log,) = (tmp_path / "log").iterdir()
     assert caught.value.hint == f"please send us the log file {log}"
@@ -44,7 +45,7 @@ def test_a_fault_of_ours_goes_to_a_log_file_and_to_whoever_listens(
 
 def test_example_values_never_leave_the_laptop(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="still holds example values"):
-        site.perform(INVENTORY, ["coastal-router"], {"state": str(tmp_path)}, plan_only=True, decrypt=str)
+        apply.perform(INVENTORY, ["coastal-router"], {"state": str(tmp_path)}, plan_only=True, decrypt=str)
 
 
 @pytest.mark.parametrize(
@@ -60,14 +61,14 @@ def test_the_bearer_in_use_is_the_declared_one_or_the_one_named(
     host: str, via: str | None, name: str, rtt_s: float
 ) -> None:
     declaration = load(INVENTORY)
-    bearer = bearers.bearer_of(declaration, declaration.hosts[host], via)
+    bearer = session_link.bearer_of(declaration, declaration.hosts[host], via)
     assert (bearer.name, bearer.rtt_s) == (name, rtt_s)
 
 
 def test_a_bearer_that_the_site_lacks_is_refused_with_those_it_has() -> None:
     declaration = load(INVENTORY)
     with pytest.raises(UsageError, match="coastal has no such bearer") as caught:
-        bearers.bearer_of(declaration, declaration.hosts["coastal-router"], "uplink")
+        session_link.bearer_of(declaration, declaration.hosts["coastal-router"], "uplink")
     assert caught.value.hint == "it has: lan, wifi-ptp, 4g, satellite"
 
 

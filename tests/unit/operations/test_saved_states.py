@@ -7,8 +7,8 @@ import pytest
 
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.inventory import Declaration
+from atlantis_netcfg.operations.common.saved_states import before_resuming, before_rollback, hosts_of_run, saved_run
 from atlantis_netcfg.operations.restore import confirmed_state
-from atlantis_netcfg.operations.saved_states import before_resuming, before_rollback, hosts_of_run, saved_run
 from atlantis_netcfg.runs import ActionsConfirmed, NoSuchRun, Run, RunStarted, Store
 
 ROUTER = "coastal-router"

@@ -11,8 +11,8 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.request import Mode, Request
-from atlantis_netcfg.operations.terminals import is_terminal, look, perform
+from atlantis_netcfg.operations.common.request import Mode, Request
+from atlantis_netcfg.operations.common.terminals import is_terminal, look, perform
 from atlantis_netcfg.runs import StateDamaged, Store
 
 SHIPPED = Path(__file__).parents[3] / "inventory"

@@ -8,7 +8,7 @@ import pytest
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations import Mode, Request
-from atlantis_netcfg.operations.play_control import other_ends, without_result
+from atlantis_netcfg.operations.common.play_control import other_ends, without_result
 from atlantis_netcfg.runs import ActionsConfirmed, DeviceObserved, LayerSent, Outcome, RunResumed, RunStarted, Store
 from atlantis_netcfg.runs.records import Record
 

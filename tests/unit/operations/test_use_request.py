@@ -12,18 +12,11 @@ from atlantis_netcfg.core.errors import TRUST, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState
-from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.link_use import (
-    LinkNotFit,
-    NothingInUse,
-    UseRequest,
-    ended_order,
-    router_of,
-    span_s,
-)
-from atlantis_netcfg.operations.links.look import LinksStatus
+from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.site_links import bearer_named, link_of
+from atlantis_netcfg.operations.links.collect import LinksStatus
 from atlantis_netcfg.operations.links.status import Silent
-from atlantis_netcfg.operations.site_links import bearer_named, link_of
+from atlantis_netcfg.operations.use import LinkNotFit, NothingInUse, UseRequest, ended_order, router_of, span_s
 from atlantis_netcfg.routeros.link_use import LinkUse, in_use
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")

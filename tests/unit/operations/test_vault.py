@@ -12,7 +12,7 @@ from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Arguments, Comm
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.operations.vault import Vault
+from atlantis_netcfg.operations.common.vault import Vault
 
 PASSWORD = "the word of the quay"
 SEALED = VaultLib([("default", VaultSecret(PASSWORD.encode()))]).encrypt(b"open").decode()

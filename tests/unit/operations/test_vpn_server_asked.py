@@ -9,10 +9,10 @@ import pytest
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import load
+from atlantis_netcfg.operations.common.request import Mode, Request, Target
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.desired_state import perform
 from atlantis_netcfg.operations.computers.parts import PARTS, concerns, refuse_unfounded
-from atlantis_netcfg.operations.request import Mode, Request, Target
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import ServerNames
 

@@ -22,7 +22,7 @@ from atlantis_netcfg.inventory.model import AllowedTarget
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.satellite import Attempt, Expected, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.operations.allow_list_test.plan import read
-from atlantis_netcfg.operations.terminals import look
+from atlantis_netcfg.operations.common.terminals import look
 from atlantis_netcfg.operations.upgrade import _configuration
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.api._tls import check_pin

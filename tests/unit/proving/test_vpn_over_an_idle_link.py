@@ -18,12 +18,12 @@ from atlantis_netcfg.operations.allow_list_test import vpn
 from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, VPN_BYTES
 from atlantis_netcfg.operations.allow_list_test.prove import Proof
 from atlantis_netcfg.operations.allow_list_test.site import previews
-from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
+from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.runs import Store
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
 from atlantis_netcfg.vpn.pki.keys import FirstPacket, _client_bytes, _ctr
+from atlantis_netcfg.vpn.rehearsal import rehearsed_identity
 
 SERVER = "203.0.113.2 udp 1194"
 ROUTER = DECLARED.hosts["coastal-router"]

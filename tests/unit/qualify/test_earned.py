@@ -23,7 +23,7 @@ from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan, run
 from atlantis_netcfg.links.qualify.transfers import MessageFigures, message_figures
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
-from atlantis_netcfg.operations.qualify.way import TunnelTraffic, judge_tunnel, judge_way
+from atlantis_netcfg.operations.qualify.routing import TunnelTraffic, judge_tunnel, judge_way
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory").sites["coastal"].bearers[-1]
 SATELLITE = LinkShape(rate_bps=352_000, delay_s=0.28)

@@ -16,9 +16,9 @@ from atlantis_netcfg.inventory.model import KEY_OCTETS, LinkThresholds, Qualify,
 from atlantis_netcfg.links.qualify.archive import folder_of
 from atlantis_netcfg.links.qualify.judgement import QualifyProfile, profiles
 from atlantis_netcfg.links.qualify.reflector.stamp import MIN_KEY_SIZE, PORT
+from atlantis_netcfg.operations.common.traffic_budget import standing_traffic
 from atlantis_netcfg.operations.fit import LinkFit, VehicleFit, fits_nowhere, vehicle_fit
-from atlantis_netcfg.operations.link_capacity import USABLE
-from atlantis_netcfg.operations.standing import standing_traffic
+from atlantis_netcfg.operations.fit.link_capacity import USABLE
 from atlantis_netcfg.runs import NoSuchRun, Store
 
 SHIPPED = Path(__file__).parents[3] / "inventory"

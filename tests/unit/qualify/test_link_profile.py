@@ -24,7 +24,7 @@ from atlantis_netcfg.links.qualify.measured_run import (
 from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.links.qualify.profile import LinkProfile, NoProfile, ProfileGap, profile_of, read_profile
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.operations.link_shapes import replayed
+from atlantis_netcfg.operations.common.link_shapes import replayed
 
 PLAN = TrainPlan(172, 0.25, 300)
 CERTUS_UP = LinkShape(352_000, 0.28, jitter_s=0.03, loss=0.01)

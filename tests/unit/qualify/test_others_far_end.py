@@ -15,7 +15,7 @@ from atlantis_netcfg.links.qualify.figures import train_figures
 from atlantis_netcfg.links.qualify.measured_run import Selection
 from atlantis_netcfg.links.qualify.samples import Sample, StreamEnded
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
-from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.operations.common.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, far_end_of
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned

@@ -29,7 +29,7 @@ from atlantis_netcfg.links.qualify.search import RateLimit
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan
 from atlantis_netcfg.links.qualify.transfers import message_figures
 from atlantis_netcfg.operations import Request
-from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.operations.common.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.far_end import (
     FarEndClosed,
     MeasuredFarEnd,

@@ -25,7 +25,7 @@ from atlantis_netcfg.links.qualify.judgement import profile
 from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, Selection
 from atlantis_netcfg.links.qualify.record import make_record
 from atlantis_netcfg.links.qualify.session import EndReason, ReflectorPeer
-from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.operations.common.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
 from atlantis_netcfg.operations.qualify.result import QualifyResult

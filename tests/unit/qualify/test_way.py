@@ -11,10 +11,10 @@ from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.qualify.measured_run import LinkCount
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
-from atlantis_netcfg.operations.qualify import way
+from atlantis_netcfg.operations.qualify import routing
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 
-FLOW = way.MeasuredFlow("10.64.101.10", 40000, "203.0.113.2", 862)
+FLOW = routing.MeasuredFlow("10.64.101.10", 40000, "203.0.113.2", 862)
 LINKS = {"ether1": "wifi", "ether2": "4g"}
 
 
@@ -31,13 +31,13 @@ class CountingRouter:
         return [Reply(rows=tuple(self.counted)), Reply(rows=tuple(self.ports))]
 
 
-def read(router: CountingRouter) -> way.FlowCounts:
-    return asyncio.run(way.counters(cast("Session", router)))
+def read(router: CountingRouter) -> routing.FlowCounts:
+    return asyncio.run(routing.counters(cast("Session", router)))
 
 
 def test_the_flow_alone_is_led_over_the_link_and_counted_on_each_port_both_ways() -> None:
     there = Reply(rows=({".id": "*9", "dynamic": "true"}, {".id": "*A"}, {".id": "*B"}))
-    rule, *counting = way.rows(FLOW, "4g", ["ether1", "ether2"], there, Reply())
+    rule, *counting = routing.rows(FLOW, "4g", ["ether1", "ether2"], there, Reply())
     assert (rule.path, dict(rule.arguments)) == (
         "/routing/rule/add",
         {
@@ -67,8 +67,8 @@ def test_the_flow_alone_is_led_over_the_link_and_counted_on_each_port_both_ways(
 
 
 def test_a_tunnel_is_led_and_counted_whatever_its_own_port_is() -> None:
-    tunnel = way.MeasuredFlow("10.64.101.10", None, "203.0.113.2", 1194)
-    rule, up, down = way.rows(tunnel, "4g", ["ether2"], Reply(), Reply())
+    tunnel = routing.MeasuredFlow("10.64.101.10", None, "203.0.113.2", 1194)
+    rule, up, down = routing.rows(tunnel, "4g", ["ether2"], Reply(), Reply())
     assert dict(rule.arguments)["dst-address"] == "203.0.113.2/32"
     told = [
         {name: value for name, value in row.arguments if name.endswith(("-port", "-address"))} for row in (up, down)
@@ -89,7 +89,7 @@ def test_what_the_router_counted_is_told_by_link() -> None:
         {"in-interface": "ether2", "packets": "0", "bytes": "0"},
     ]
     after = read(CountingRouter(counted, [{**ports[0], "rx-byte": "1100", "tx-byte": "1250"}]))
-    wifi, mobile = way.link_counts(LINKS, before, after)
+    wifi, mobile = routing.link_counts(LINKS, before, after)
     assert wifi == LinkCount(
         link="wifi",
         test_packets_up=7,
@@ -100,8 +100,8 @@ def test_what_the_router_counted_is_told_by_link() -> None:
         port_bytes_down=1000,
     )
     assert (mobile.test_packets_up, mobile.port_bytes_up) == (0, None)
-    assert way.link_counts(LINKS, before, None) == (LinkCount(link="wifi"), LinkCount(link="4g"))
-    assert way.link_counts(LINKS, after, before)[0].port_bytes_up is None, "a counter that began anew tells nothing"
+    assert routing.link_counts(LINKS, before, None) == (LinkCount(link="wifi"), LinkCount(link="4g"))
+    assert routing.link_counts(LINKS, after, before)[0].port_bytes_up is None, "a counter that began anew tells nothing"
 
 
 def test_a_row_without_a_count_is_told() -> None:
@@ -114,7 +114,7 @@ def judged(
 ) -> tuple[Verdict, str]:
     both = {"wifi": wifi, "4g": mobile}
     counts = [LinkCount(link=link, test_packets_up=up, test_packets_down=down) for link, (up, down) in both.items()]
-    return way.judge_way("wifi", counts, sent, received, lost)
+    return routing.judge_way("wifi", counts, sent, received, lost)
 
 
 @pytest.mark.parametrize(
@@ -163,8 +163,8 @@ def test_a_tunnel_proves_the_way_where_all_of_it_went_there(
 ) -> None:
     counts = [tunnel_count("wifi", *wifi), tunnel_count("4g", *mobile)]
     assert (
-        way.judge_tunnel(
-            "4g", counts, way.TunnelTraffic(sent, sent * 192), way.TunnelTraffic(received, received * 192)
+        routing.judge_tunnel(
+            "4g", counts, routing.TunnelTraffic(sent, sent * 192), routing.TunnelTraffic(received, received * 192)
         )[0]
         is verdict
     )
@@ -182,5 +182,5 @@ def tunnel_count(link: str, up: int | None, down: int | None, octets: int = 192)
 
 def test_as_many_packets_that_are_shorter_are_not_those_of_the_run() -> None:
     """The tunnel's own pings are packets of it as well."""
-    traffic = way.TunnelTraffic(100, 19_200)
-    assert way.judge_tunnel("4g", [tunnel_count("4g", 100, 100, 80)], traffic, traffic)[0] is Verdict.INCONCLUSIVE
+    traffic = routing.TunnelTraffic(100, 19_200)
+    assert routing.judge_tunnel("4g", [tunnel_count("4g", 100, 100, 80)], traffic, traffic)[0] is Verdict.INCONCLUSIVE

@@ -10,7 +10,7 @@ from render_declared import GOLDEN, Declaration, declaration
 from render_walk import Packet, Walk
 
 from atlantis_netcfg.inventory.model import Cpe, Ptp, PtpProtocol
-from atlantis_netcfg.operations.kinds import ManagedCpe, families
+from atlantis_netcfg.operations.common.kinds import ManagedCpe, families
 from atlantis_netcfg.routeros import desired, rsc
 from atlantis_netcfg.routeros.render import RenderError, cpe, cpe_prerequisites, cpe_view
 from atlantis_netcfg.routeros.rsc import Export

@@ -11,8 +11,8 @@ from atlantis_netcfg.computers.retrieval import PACKAGES, SERVICE, retrieval
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.inventory.model import RetrievalPriority
 from atlantis_netcfg.operations import retrieve
-from atlantis_netcfg.operations.retrieve_rehearsed import with_example
-from atlantis_netcfg.operations.site_links import link_of
+from atlantis_netcfg.operations.common.site_links import link_of
+from atlantis_netcfg.operations.retrieve_rehearsal import with_example
 
 LOOK = {"files": 4, "bytes": 10_000_000, "compared": 0, "kept": 2, "writing": 1, "unnamed": 0, "before": 1.0}
 TOLD = {

@@ -20,7 +20,7 @@ from atlantis_netcfg.inventory import Declaration, InventoryInvalid, load
 from atlantis_netcfg.inventory.robots import reading
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.operations import robots
-from atlantis_netcfg.operations.vault import Vault
+from atlantis_netcfg.operations.common.vault import Vault
 from atlantis_netcfg.operations.vpn.server import NoPush
 from atlantis_netcfg.robots.mock import RATES_HZ
 from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, RobotReport, RobotState

@@ -23,8 +23,8 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.remote_process import ProcessEnded
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.inventory.robots.reading import read_declared
-from atlantis_netcfg.operations import robots_remote
-from atlantis_netcfg.operations.robots_remote import ListeningFailed, listen_there
+from atlantis_netcfg.operations.robots import remote
+from atlantis_netcfg.operations.robots.remote import ListeningFailed, listen_there
 from atlantis_netcfg.robots import listener
 from atlantis_netcfg.robots.message_types import MessageTypes
 from atlantis_netcfg.robots.observation import Observation, judge
@@ -81,8 +81,8 @@ def run(rows: Sequence[dict[str, Any]], folder: Path, seconds: float) -> Observa
         "types": {},
     }
     done = subprocess.run(
-        [sys.executable, "-S", "-c", robots_remote._BOOT],
-        input=robots_remote._program(requested),
+        [sys.executable, "-S", "-c", remote._BOOT],
+        input=remote._program(requested),
         capture_output=True,
         check=False,
         env={
@@ -93,7 +93,7 @@ def run(rows: Sequence[dict[str, Any]], folder: Path, seconds: float) -> Observa
     )
     assert done.stderr == b""
     host = robot_cases.shipped().hosts["coastal-gateway"]
-    return robots_remote._observation(host, {}, ProcessEnded(done.returncode, done.stdout, done.stderr, overdue=False))
+    return remote._observation(host, {}, ProcessEnded(done.returncode, done.stdout, done.stderr, overdue=False))
 
 
 def test_it_is_python_3_8_and_the_standard_library() -> None:
@@ -162,19 +162,19 @@ def test_without_either_library_it_says_so() -> None:
         "types": {},
     }
     done = subprocess.run(
-        [sys.executable, "-S", "-c", robots_remote._BOOT],
-        input=robots_remote._program(requested),
+        [sys.executable, "-S", "-c", remote._BOOT],
+        input=remote._program(requested),
         capture_output=True,
         check=False,
     )
     host = robot_cases.shipped().hosts["coastal-gateway"]
     with pytest.raises(ListeningFailed, match="neither cyclonedds nor ROS 2"):
-        robots_remote._observation(host, {}, ProcessEnded(0, done.stdout, b"", overdue=False))
+        remote._observation(host, {}, ProcessEnded(0, done.stdout, b"", overdue=False))
 
 
 def test_what_is_sent_is_small() -> None:
     types = MessageTypes().fields
-    assert len(robots_remote._program({"types": types})) < MOST
+    assert len(remote._program({"types": types})) < MOST
 
 
 ACCESS = {"host": "10.64.1.10", "port": 22, "user": "root"}
@@ -197,7 +197,7 @@ ACCESS = {"host": "10.64.1.10", "port": 22, "user": "root"}
 def test_what_did_not_come_whole_is_never_an_observation(ended: ProcessEnded, words: str) -> None:
     host = robot_cases.shipped().hosts["coastal-gateway"]
     with pytest.raises(ListeningFailed, match=words) as raised:
-        robots_remote._observation(host, ACCESS, ended)
+        remote._observation(host, ACCESS, ended)
     assert raised.value.exit == 6
     assert raised.value.hint
 

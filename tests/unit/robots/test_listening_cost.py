@@ -7,8 +7,9 @@ import robot_cases
 from hints_said import advised
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.operations import robots, robots_remote
-from atlantis_netcfg.operations.robots_cost import listening_cost
+from atlantis_netcfg.operations import robots
+from atlantis_netcfg.operations.robots import remote
+from atlantis_netcfg.operations.robots.listening_cost import listening_cost
 from atlantis_netcfg.robots.observation import Observation
 
 VPN, LAN = "10.80.1.7", "10.64.2.50"
@@ -33,7 +34,7 @@ def listened(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[str]]:
         return Observation(5.0)
 
     monkeypatch.setattr(robots, "discover", here)
-    monkeypatch.setattr(robots_remote, "listen_there", there)
+    monkeypatch.setattr(remote, "listen_there", there)
     return choose
 
 

@@ -21,8 +21,9 @@ from atlantis_netcfg.inventory.model import TelemetryTopic
 from atlantis_netcfg.inventory.robots import reading
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.links import BearerFinding
-from atlantis_netcfg.operations import measured_telemetry, robots
-from atlantis_netcfg.operations.measured_telemetry import (
+from atlantis_netcfg.operations import robots
+from atlantis_netcfg.operations.fit import measured_telemetry
+from atlantis_netcfg.operations.fit.measured_telemetry import (
     TelemetryUnmeasured,
     change,
     telemetry_of,

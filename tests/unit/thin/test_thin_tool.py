@@ -16,7 +16,7 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board import basic, install
 from atlantis_netcfg.core import remote_bundle as tool
-from atlantis_netcfg.operations.costs import _TOOL
+from atlantis_netcfg.operations.common.costs import _TOOL
 
 PLUGINS = Path(basic.__file__).parents[2]
 MODULES = sorted(path.stem for path in (PLUGINS / "modules").glob("*.py"))

@@ -13,13 +13,13 @@ from authority_stand import NAMES, PASSPHRASE, Stand, stand, wish
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg.operations.vpn.records import audit
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import check
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.ledger_session import Head, read_head
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged
 from atlantis_netcfg.vpn.ledger import LedgerState, digest
+from atlantis_netcfg.vpn.reports import audit
 
 Rows = list[dict[str, object]]
 

@@ -21,12 +21,13 @@ from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Guest
-from atlantis_netcfg.operations import guests, inventory_files
-from atlantis_netcfg.operations.vpn.members import Onboarding
+from atlantis_netcfg.operations import guests
+from atlantis_netcfg.operations.common import inventory_files
 from atlantis_netcfg.operations.vpn.server import Deployed
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import RevocationResult
 from atlantis_netcfg.vpn.enrolment_package import open_handout
+from atlantis_netcfg.vpn.members import Onboarding
 
 UNTIL = (datetime.now(UTC).date() + timedelta(days=20)).isoformat()
 LAUV = ("name=lauv", "title=LAUV", "partner=udg", "kind=auv", "site=coastal", "cells=gps,wifi,ethernet")

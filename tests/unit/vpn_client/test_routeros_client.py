@@ -12,8 +12,8 @@ from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.certificates import OvpnRefused, read_ovpn
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Transport
-from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.vpn import routeros
+from atlantis_netcfg.vpn.rehearsal import rehearsed_identity
 from atlantis_netcfg.vpn.routeros import RouterTooOld, check_version
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")

@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from atlantis_netcfg.computers.parts import File
+from atlantis_netcfg.operations.computers.remote_session import AnswerLost
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.operations.vpn.link import AnswerLost
 from atlantis_netcfg.operations.vpn.server_state import PLACE, Crl, ServerState, drift, observe
 from atlantis_netcfg.vpn import server
 from atlantis_netcfg.vpn.identity import MembershipList

@@ -7,7 +7,14 @@ import pytest
 from ansible.plugins.connection.ssh import Connection
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.operations.vpn.link import _KEPT, HostKeyChanged, ServerAway, control_path, ssh_command, ssh_error
+from atlantis_netcfg.operations.computers.remote_session import (
+    _KEPT,
+    HostKeyChanged,
+    ServerAway,
+    control_path,
+    ssh_command,
+    ssh_error,
+)
 
 ACCESS = {
     "host": "192.0.2.10",

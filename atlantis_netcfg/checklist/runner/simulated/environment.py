@@ -58,14 +58,14 @@ from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, R
 from atlantis_netcfg.emulator.gnss import RunningGpsd, RunningNmea, RunningNmeaPort
 from atlantis_netcfg.emulator.linux import NOT_FOUND, Computer
 from atlantis_netcfg.emulator.mavlink import RunningAutopilot
-from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.common.request import Mode, Request
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.operations.rehearsal import Rehearsal
+    from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 
 _NOBODY = "nothing stands for it in a rehearsal"
 

@@ -27,7 +27,7 @@ from atlantis_netcfg.links.qualify.archive import RECORD_FILE, folder_of, record
 from atlantis_netcfg.links.qualify.measured_run import SAMPLES_FILE, write_run
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.links.qualify.samples import SampleWriter
-from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.common.request import Mode, Request
 from atlantis_netcfg.runs import Store
 
 SHIPPED = load(Path(__file__).parents[4] / "inventory")

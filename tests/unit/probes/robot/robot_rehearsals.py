@@ -12,7 +12,7 @@ from atlantis_netcfg.checklist.runner.simulated._world import World, healthy
 from atlantis_netcfg.checklist.runner.simulated.environment import RehearsedEars
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration
-from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.operations.common.request import Mode, Request
 
 NOWHERE = Request(state=Path("/EXAMPLE"), mode=Mode.DRIFT, rehearsed=True)
 OF_ROBOTS = [name for name in FAULTS if name.startswith("robot-")]

@@ -25,7 +25,7 @@ class ActionModule(EngineAction):
     def perform(requested: TaskRequest) -> Mapping[str, Any]:
         """Converge the hosts of the play; in check mode, only plan."""
         from atlantis_netcfg.core.printable import cleaned  # noqa: PLC0415 - as above
-        from atlantis_netcfg.operations.site import perform  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.apply import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
         values: dict[str, Any] = cleaned(
             perform(

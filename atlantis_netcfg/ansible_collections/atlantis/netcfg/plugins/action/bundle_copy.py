@@ -78,8 +78,8 @@ class ActionModule(ZipappAction):
 
     def _refuse_unpaid(self, size: int, variables: dict[str, Any]) -> None:
         """Hold that a person pays for what goes over a metered link."""
-        from atlantis_netcfg.operations.costs import accepting  # noqa: PLC0415 - Ansible imports every action plugin
-        from atlantis_netcfg.operations.request import PLAIN_ANSIBLE, of_variables  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.common.costs import accepting  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.common.request import PLAIN_ANSIBLE, of_variables  # noqa: PLC0415 - as above
 
         metered = self._task.args.get("metered")
         if metered and not of_variables(variables).get("accept_cost", self._task.args.get("accept_cost", False)):

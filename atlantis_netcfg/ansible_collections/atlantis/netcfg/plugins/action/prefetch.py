@@ -101,8 +101,8 @@ class ActionModule(zipapp_action.ZipappAction):
     def _of_action(
         self, name: str, arguments: Mapping[str, Any], task: Mapping[str, Any], host_vars: dict[str, Any]
     ) -> Iterator[tuple[str, dict[str, Any]]]:
+        from atlantis_netcfg.operations.common.request import of_variables  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.computers.desired_state import bundle_of  # noqa: PLC0415 - Ansible imports every action plugin
-        from atlantis_netcfg.operations.request import of_variables  # noqa: PLC0415 - as above
 
         if name == "desired_state":
             # What it refuses, the task tells.

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 class ActionModule(EngineAction):
-    """From a play to `atlantis_netcfg.operations.terminals`."""
+    """From a play to `atlantis_netcfg.operations.common.terminals`."""
 
     @staticmethod
     def perform(requested: TaskRequest) -> Mapping[str, Any]:
         """Judge the terminals of the play; in check mode, record nothing."""
-        from atlantis_netcfg.operations.terminals import perform  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.common.terminals import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
         return perform(requested.inventory, requested.hosts, requested.request, plan_only=requested.plan_only)

@@ -69,9 +69,9 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         over = {name for pattern in play.hosts for name in pattern.split(":")}
         if self._watch is not None or not over.intersection(GROUPS) or not hosts:
             return
+        from atlantis_netcfg.operations.common.play_control import when_cut_off  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.common.request import Request, of_variables  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.computers._watch import Watch  # noqa: PLC0415 - Ansible imports every plugin
-        from atlantis_netcfg.operations.play_control import when_cut_off  # noqa: PLC0415 - as above
-        from atlantis_netcfg.operations.request import Request, of_variables  # noqa: PLC0415 - as above
 
         variables = manager.get_vars(play=play, host=hosts[0])
         request = Request.model_validate(of_variables(variables))
@@ -89,7 +89,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         variables = manager.get_vars(play=play, host=hosts[0]) if hosts else {}
         if not hosts or not inventory_of(variables).is_dir():
             return
-        from atlantis_netcfg.operations.request import REHEARSED, declaration_of, of_variables  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.common.request import REHEARSED, declaration_of, of_variables  # noqa: PLC0415 - as above
 
         declaration = declaration_of(inventory_of(variables))
         if REHEARSED in variables and not variables.get("atlantis_request") and of_variables(variables)["rehearsed"]:
@@ -97,8 +97,8 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
 
     def _rehearse(self, manager: Any, declaration: Declaration, hosts: Sequence[Host]) -> None:  # noqa: ANN401
         """Start emulated devices, which end with the playbook, and leave out the hosts that nothing stands for."""
-        from atlantis_netcfg.operations.rehearsal import rehearsal  # noqa: PLC0415 - as above
-        from atlantis_netcfg.operations.request import Request  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.common.rehearsal import rehearsal  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.common.request import Request  # noqa: PLC0415 - as above
 
         twins = self._emulators.enter_context(rehearsal(declaration, hosts))
         atexit.register(self._emulators.close)

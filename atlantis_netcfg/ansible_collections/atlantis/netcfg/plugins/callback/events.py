@@ -7,7 +7,7 @@ from typing import Any
 from ansible.plugins.callback import CallbackBase
 
 from atlantis_netcfg.core import printable
-from atlantis_netcfg.operations.play_control import refuse_after_stop
+from atlantis_netcfg.operations.common.play_control import refuse_after_stop
 
 DOCUMENTATION = """
 name: events

@@ -55,7 +55,7 @@ class EngineAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Do what is asked; an error of ours is told in its own words, with its hint."""
         from atlantis_netcfg.core.printable import lines  # noqa: PLC0415 - as above
-        from atlantis_netcfg.operations import request  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.common import request  # noqa: PLC0415 - Ansible imports every action plugin
 
         end_with_parent()
         result: dict[str, Any] = super().run(tmp, task_vars)

@@ -6,8 +6,8 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.links.cost import Preview, preview
+from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.robots import dds_of, expected_at, peers_of, robots_of
-from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.robots.network import ANNOUNCE_S
 
 if TYPE_CHECKING:

@@ -14,11 +14,18 @@ from atlantis_netcfg import __version__
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.worker import run_until_settled
-from atlantis_netcfg.operations.costs import Costs, gate
-from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.request import EventStream, Mode, Request, declaration_of, open_request, refuse_examples
-from atlantis_netcfg.operations.schedule import RunUnit, far_bearer, members_of, pair_of
+from atlantis_netcfg.operations.common.costs import Costs, gate
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.request import (
+    EventStream,
+    Mode,
+    Request,
+    declaration_of,
+    open_request,
+    refuse_examples,
+)
+from atlantis_netcfg.operations.common.schedule import RunUnit, far_bearer, members_of, pair_of
 from atlantis_netcfg.routeros import Status, fleet
 from atlantis_netcfg.runs import (
     Journal,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.standing_traffic import LinkPace
-from atlantis_netcfg.operations.standing import declared_pace
+from atlantis_netcfg.operations.common.traffic_budget import declared_pace
 from atlantis_netcfg.runs import NoSuchRun
 
 if TYPE_CHECKING:

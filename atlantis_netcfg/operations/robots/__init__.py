@@ -29,7 +29,7 @@ from atlantis_netcfg.inventory.robots.reading import (
     read_published,
 )
 from atlantis_netcfg.links import BearerFinding
-from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.operations.common.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.mock import MockRobot
 from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile

@@ -30,14 +30,14 @@ from atlantis_netcfg.emulator.routeros import (
     spawn,
 )
 from atlantis_netcfg.inventory.model import Cpe, Router
-from atlantis_netcfg.operations.bearers import bearer_of
+from atlantis_netcfg.operations.common.costs import ports_of
+from atlantis_netcfg.operations.common.kinds import handled, is_unit, managed
+from atlantis_netcfg.operations.common.link_shapes import shapes_to
+from atlantis_netcfg.operations.common.request import Request, Target
+from atlantis_netcfg.operations.common.schedule import members_of, with_other_ends
+from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers
-from atlantis_netcfg.operations.costs import ports_of
-from atlantis_netcfg.operations.kinds import handled, is_unit, managed
-from atlantis_netcfg.operations.link_shapes import shapes_to
 from atlantis_netcfg.operations.lte.units import EmulatedUnit, emulated_units, not_rehearsed
-from atlantis_netcfg.operations.request import Request, Target
-from atlantis_netcfg.operations.schedule import members_of, with_other_ends
 from atlantis_netcfg.routeros.assumptions import unconfirmed
 from atlantis_netcfg.routeros.first_contact.steps import FACTORY_ADDRESS, FACTORY_USER
 
@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.operations.adoption import Adoption
-    from atlantis_netcfg.operations.link_shapes import Replay
+    from atlantis_netcfg.operations.adopt import Adoption
+    from atlantis_netcfg.operations.common.link_shapes import Replay
 
 _LISTENS_S = 1.0
 """Instead of the minute (or ten) for which an access point listens for radar: nobody would rehearse twice."""

@@ -13,11 +13,11 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Router, SshHost
 from atlantis_netcfg.links.cost import ACCEPT, Bill, CostRefused, MeteredLink, Preview, bill, preview, size
 from atlantis_netcfg.links.policy import BearerRoute, active_bearer
-from atlantis_netcfg.operations import request as requests
-from atlantis_netcfg.operations.bearers import LAN, bearer_of
-from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.request import Mode, Request
-from atlantis_netcfg.operations.site_links import link_of, links_of
+from atlantis_netcfg.operations.common import request as requests
+from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.request import Mode, Request
+from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
+from atlantis_netcfg.operations.common.site_links import link_of, links_of
 from atlantis_netcfg.routeros.apply import Admission, DeviceJob, DeviceResult
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import Estimate, on_the_wire

@@ -27,7 +27,7 @@ from atlantis_netcfg.emulator import ssh
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayWay
 from atlantis_netcfg.inventory.model import ControlCentre, Gateway, Retrieval, RetrievalRobot, ServerComputer
 from atlantis_netcfg.links.cost import size
-from atlantis_netcfg.operations.link_shapes import link_shapes
+from atlantis_netcfg.operations.common.link_shapes import link_shapes
 from atlantis_netcfg.operations.retrieve import SHARES, WIRE, RetrievalProgram, RetrievalSelection, new_number
 
 if TYPE_CHECKING:

@@ -15,12 +15,12 @@ from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.cost import Preview, preview
 from atlantis_netcfg.links.lte import rutos_read
-from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.jobs import endpoint_of
-from atlantis_netcfg.operations.kinds import managed
+from atlantis_netcfg.operations.common.jobs import endpoint_of
+from atlantis_netcfg.operations.common.kinds import managed
+from atlantis_netcfg.operations.common.session_link import bearer_of
+from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.lte import assumptions as rutos
 from atlantis_netcfg.operations.lte.units import LteUnit
-from atlantis_netcfg.operations.site_links import link_of
 from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 _FLIGHT_BYTES = 160
 """One small question and its answer, both with their records of TLS."""

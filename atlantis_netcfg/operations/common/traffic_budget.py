@@ -41,7 +41,7 @@ from atlantis_netcfg.links.standing_traffic import (
     published,
     time_questions,
 )
-from atlantis_netcfg.operations.site_links import links_of
+from atlantis_netcfg.operations.common.site_links import links_of
 from atlantis_netcfg.routeros.render import router_view
 from atlantis_netcfg.vpn.client import site_link
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, ROUTEROS_RENEGOTIATION_S, TIMERS

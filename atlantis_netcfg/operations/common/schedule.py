@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.inventory.model import Cpe, Router
-from atlantis_netcfg.operations.bearers import LAN, as_bearer
+from atlantis_netcfg.operations.common.session_link import LAN, as_bearer
 from atlantis_netcfg.routeros.pair import Pair, Signal
 from atlantis_netcfg.runs import Store
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.routeros.apply import DeviceJob
     from atlantis_netcfg.routeros.estimate import BearerProfile
 

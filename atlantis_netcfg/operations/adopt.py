@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, complete
-from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.request import refuse_examples
 from atlantis_netcfg.routeros.api import Endpoint, Session, Unreachable
 from atlantis_netcfg.routeros.console.ssh import host_key_of, open_ssh
 from atlantis_netcfg.routeros.console.terminal import open_serial

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.udp_link import DrawnGap, LinkShape
 from atlantis_netcfg.links.qualify.profile import read_profile
-from atlantis_netcfg.operations.bearers import LAN
+from atlantis_netcfg.operations.common.session_link import LAN
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence

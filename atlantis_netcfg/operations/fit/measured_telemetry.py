@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Guest, TelemetryTopic
-from atlantis_netcfg.operations import guests, inventory_files, robots
+from atlantis_netcfg.operations import guests, robots
+from atlantis_netcfg.operations.common import inventory_files
 from atlantis_netcfg.robots.observation import RobotState
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.stop_signals import STOP_SIGNALS, handlers, pending_stop, restore
-from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.common.kinds import handled
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
 from atlantis_netcfg.runs import Run, Store
 from atlantis_netcfg.runs.records import DeviceObserved, Planned, StateSaved
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from types import FrameType
 
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
 
 
 @dataclass(slots=True)
@@ -137,7 +137,7 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
 
 def other_ends(names: Sequence[str], declaration: Declaration, request: Request) -> dict[str, str]:
     """The ends of all bridges that one of these is an end of, each with the other one: both have a result."""
-    from atlantis_netcfg.operations.schedule import members_of  # noqa: PLC0415 - what plays nothing needs no pairs
+    from atlantis_netcfg.operations.common.schedule import members_of  # noqa: PLC0415 - what plays nothing needs no pairs
 
     try:
         members = members_of(declaration, [name for name in names if handled(declaration.hosts[name])], request)

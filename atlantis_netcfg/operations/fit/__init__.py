@@ -26,14 +26,14 @@ from atlantis_netcfg.inventory.model import TelemetryData
 from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
 from atlantis_netcfg.links.cost import bill
 from atlantis_netcfg.links.standing_traffic import DAY_S, TrafficSource
-from atlantis_netcfg.operations.link_capacity import USABLE, Capacity, capacity_of, named_run, newest_run
-from atlantis_netcfg.operations.site_links import bearer_named, links_of
-from atlantis_netcfg.operations.standing import (
+from atlantis_netcfg.operations.common.site_links import bearer_named, links_of
+from atlantis_netcfg.operations.common.traffic_budget import (
     control_centres,
     publishing_profile,
     standing_traffic,
     steady,
 )
+from atlantis_netcfg.operations.fit.link_capacity import USABLE, Capacity, capacity_of, named_run, newest_run
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

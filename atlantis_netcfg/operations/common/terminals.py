@@ -12,7 +12,7 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.inventory.model import Router, SatelliteTerminal
 from atlantis_netcfg.links.satellite import Backup, SatelliteEvidence, judge_carrier_nat, judge_evidence
-from atlantis_netcfg.operations.request import Mode, declaration_of, open_request
+from atlantis_netcfg.operations.common.request import Mode, declaration_of, open_request
 from atlantis_netcfg.runs import (
     ActionsConfirmed,
     JournalFailed,

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import private_directory
-from atlantis_netcfg.operations.vpn.requests import computers
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import HandoutFile, IssueResult, ServerNames
 from atlantis_netcfg.vpn.enrolment_package import OneTimePassphrase, Recipient, handout, host_identity
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, server_name
 from atlantis_netcfg.vpn.names import check_free
+from atlantis_netcfg.vpn.requests import computers
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError, complete, nearest
 from atlantis_netcfg.links import LinkState
 from atlantis_netcfg.links.cost import preview
-from atlantis_netcfg.operations.request import LinkOrder
+from atlantis_netcfg.operations.common.request import LinkOrder
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.links.cost import MeteredLink, Preview
-    from atlantis_netcfg.operations.links.look import LinksStatus
+    from atlantis_netcfg.operations.links.collect import LinksStatus
 
 SHORTEST_S: Final = 60
 LONGEST_S: Final = 86_400

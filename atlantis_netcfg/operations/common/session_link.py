@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.site_links import CABLE
+from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.site_links import CABLE
 from atlantis_netcfg.routeros.estimate import BearerProfile
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.remote_process import Carrier
 from atlantis_netcfg.inventory.model import ControlCentre, ServerComputer
 from atlantis_netcfg.inventory.robots.reading import FOLDER, key_names
+from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
-from atlantis_netcfg.operations.request import Request, refuse_examples
+from atlantis_netcfg.operations.computers.remote_session import ssh_command
 from atlantis_netcfg.operations.robots import dds_of, peers_of
-from atlantis_netcfg.operations.vpn.link import ssh_command
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
 from atlantis_netcfg.robots.network import profile
 from atlantis_netcfg.robots.observation import read_heard

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.operations.vpn.requests import RequestRefused, shown
 from atlantis_netcfg.vpn.pki import check_recipient
+from atlantis_netcfg.vpn.requests import RequestRefused, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.operations.vpn.requests import DeviceWords
+    from atlantis_netcfg.vpn.requests import DeviceWords
 
 _LONGEST = 20_000
 """Characters of a file with a public key: RSA keys and comments have a few thousand."""

@@ -22,9 +22,9 @@ from cryptography import x509
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import Router
-from atlantis_netcfg.operations.bearers import LAN, bearer_of
+from atlantis_netcfg.operations.common.kinds import managed
+from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
-from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.routeros.api import Endpoint, Unreachable, shown_certificate
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.common.kinds import handled
 from atlantis_netcfg.operations.restore import LATEST
 from atlantis_netcfg.runs import NoSuchRun, StateDamaged, Store
 

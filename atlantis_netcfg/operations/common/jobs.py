@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.inventory.model import Access, LteRouter
 from atlantis_netcfg.links.policy import active_bearer
-from atlantis_netcfg.operations.bearers import bearer_of, patient
-from atlantis_netcfg.operations.costs import ways_of
-from atlantis_netcfg.operations.kinds import Managed, managed
+from atlantis_netcfg.operations.common.costs import ways_of
+from atlantis_netcfg.operations.common.kinds import Managed, managed
+from atlantis_netcfg.operations.common.saved_states import saved_run
+from atlantis_netcfg.operations.common.session_link import bearer_of, patient
+from atlantis_netcfg.operations.common.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.operations.restore import confirmed_state, for_any_box, restored
-from atlantis_netcfg.operations.saved_states import saved_run
-from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob, History, NoHistory, SshEndpoint, StateVariants
 from atlantis_netcfg.routeros.desired import Desired, from_export, read
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.links.policy import BearerRoute
-    from atlantis_netcfg.operations.request import LinkOrder, Request
+    from atlantis_netcfg.operations.common.request import LinkOrder, Request
     from atlantis_netcfg.routeros._types import Observed
 
 _SSH = 22

@@ -15,10 +15,12 @@ from atlantis_netcfg.links.cost import Bill, bill
 from atlantis_netcfg.links.policy import BearerRoute, active_bearers, probe_commands
 from atlantis_netcfg.links.satellite import judge_names
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
-from atlantis_netcfg.operations.bearers import FAST_S, LAN, PATIENCE_S, bearer_of
-from atlantis_netcfg.operations.costs import ways_of
-from atlantis_netcfg.operations.jobs import endpoint_of
-from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.common.costs import ways_of
+from atlantis_netcfg.operations.common.jobs import endpoint_of
+from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.session_link import FAST_S, LAN, PATIENCE_S, bearer_of
+from atlantis_netcfg.operations.common.site_links import links_of
+from atlantis_netcfg.operations.common.traffic_budget import over_budget, standing_traffic
 from atlantis_netcfg.operations.links.session import PINGS, ReadOnlySession, RouterReading, read_router
 from atlantis_netcfg.operations.links.status import (
     IN_USE,
@@ -38,8 +40,6 @@ from atlantis_netcfg.operations.links.status import (
     twice,
 )
 from atlantis_netcfg.operations.lte.units import LteUnit
-from atlantis_netcfg.operations.site_links import links_of
-from atlantis_netcfg.operations.standing import over_budget, standing_traffic
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import on_the_wire
 from atlantis_netcfg.runs import Counters, MonthBytes, Store, Usage
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.links import BearerStatus
     from atlantis_netcfg.links.standing_traffic import StandingTraffic
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.routeros.link_use import LinkUse
 
 
