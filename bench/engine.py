@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._playbook import PlaybookRunner
+from atlantis_netcfg.cli.base.playbook import PlaybookRunner
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.common.request import Target

@@ -98,7 +98,7 @@ OUT: Mapping[str, str] = {
     "operations/computers/_emulation.py": "programs of a rehearsal, and what Ansible calls them",
     "operations/common/vault.py": "texts of Ansible's own",
     "computers/bundle": "the making of bundles, which is in English",
-    "core/remote_bundle.py": "names of files",
+    "core/processes/remote_bundle.py": "names of files",
     "core/crash_report.py": "the log file of a crash; its one sentence is added by hand",
     "core/eventlog.py": "lines of a log",
     "routeros/api": "the wire",

@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist.confirmations import Confirmation
 from atlantis_netcfg.checklist.history import Kept, VehicleState, books, changes, last_green, narrowed, since
 from atlantis_netcfg.checklist.plan import Checklist, PlanEntry, Scope, plan
 from atlantis_netcfg.checklist.session import Book
-from atlantis_netcfg.checklist.verifying import SigningTrouble, verify, verify_report
+from atlantis_netcfg.checklist.verify import SigningTrouble, verify, verify_report
 
 __all__ = [
     "KEY",

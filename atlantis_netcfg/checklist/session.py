@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.confirmations import (
 )
 from atlantis_netcfg.checklist.history import last_green, since
 from atlantis_netcfg.checklist.report import Document, Item, LeftOut
-from atlantis_netcfg.checklist.verifying import close_book
+from atlantis_netcfg.checklist.verify import close_book
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.runs import SiteLock, utc_now
 

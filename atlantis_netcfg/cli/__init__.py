@@ -15,17 +15,17 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli import _output
-from atlantis_netcfg.cli._commands import COMMANDS, choose, load
-from atlantis_netcfg.core import stop_signals
+from atlantis_netcfg.cli.base import output
+from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import ASCII, Printer
+from atlantis_netcfg.core.processes import stop_signals
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.cli._arguments import CommandSpec
+    from atlantis_netcfg.cli.base.arguments import CommandSpec
 
 __all__ = ["main"]
 
@@ -70,17 +70,17 @@ class _CommandLine:
             self._choose_language()
             code = self._run()
         except NetcfgError as error:
-            return _output.failed(error, self.typed, as_json=as_json)
+            return output.failed(error, self.typed, as_json=as_json)
         except Exception as error:  # noqa: BLE001 - the last door: nothing may end in a traceback on the screen
             if name := stop_signals.pending_stop():
                 return self.interrupted(KeyboardInterrupt(name))
-            return _output.crashed(error, self.typed, as_json=as_json)
+            return output.crashed(error, self.typed, as_json=as_json)
         return code
 
     def interrupted(self, stop: KeyboardInterrupt) -> ExitCode:
         """End after a stop."""
         stop_signals.ignore()
-        return _output.interrupted(self.command, self.typed, stop, as_json="--json" in self.typed)
+        return output.interrupted(self.command, self.typed, stop, as_json="--json" in self.typed)
 
     def _run(self) -> ExitCode:
         if not self.typed or (set(self.typed) <= _HELP):
@@ -96,7 +96,7 @@ class _CommandLine:
         self.command = loaded.command
         if _HELP & set(rest):
             return _print_help(loaded.command)
-        from atlantis_netcfg.cli._arguments import parse
+        from atlantis_netcfg.cli.base.arguments import parse
         from atlantis_netcfg.core import temporary
 
         arguments = parse(loaded.command, rest)

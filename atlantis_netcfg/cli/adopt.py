@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ASK_VAULT_PASS,
     INVENTORY,
     JSON,
@@ -20,8 +20,8 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._inventory_names import Values
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.inventory_names import Values
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def run_adopt(arguments: Arguments) -> ExitCode:
     """Look, show the steps, ask, adopt."""
     from contextlib import ExitStack
 
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
 
     declaration, host = _declared(arguments)
     with ExitStack() as stack:
@@ -84,7 +84,7 @@ def run_adopt(arguments: Arguments) -> ExitCode:
 def _declared(arguments: Arguments) -> tuple[Declaration, Host]:
     from pathlib import Path
 
-    from atlantis_netcfg.cli._passphrase import vault_of
+    from atlantis_netcfg.cli.base.passphrase import vault_of
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose, load
 
@@ -181,7 +181,7 @@ def _from(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the com
 
 def _agree(arguments: Arguments) -> Callable[[Adopted], None]:
     def agree(found: Adopted) -> None:
-        from atlantis_netcfg.cli._consent import agreed
+        from atlantis_netcfg.cli.base.consent import agreed
 
         if not arguments.flag("json"):
             _show(found.standing.value, found.steps)
@@ -260,7 +260,7 @@ def run_trust(arguments: Arguments) -> ExitCode:
 
 def _trust_device(declaration: Declaration, host: Host, request: Request) -> ExitCode:
     """One device; what is wrong with it keeps no other from being looked at."""
-    from atlantis_netcfg.cli._output import tell
+    from atlantis_netcfg.cli.base.output import tell
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
     from atlantis_netcfg.operations.computers._access import is_computer
     from atlantis_netcfg.operations.trust import identities
@@ -275,7 +275,7 @@ def _trust_device(declaration: Declaration, host: Host, request: Request) -> Exi
 
 
 def _device(identity: DeviceIdentity, request: Request) -> ExitCode:
-    from atlantis_netcfg.cli._consent import agreed
+    from atlantis_netcfg.cli.base.consent import agreed
     from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
     from atlantis_netcfg.operations.trust import agree
 

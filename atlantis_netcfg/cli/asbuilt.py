@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     INVENTORY,
@@ -18,12 +18,12 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.output import json_text
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
 
@@ -56,7 +56,7 @@ def run_asbuilt(arguments: Arguments) -> ExitCode:
     """Ask every device at once, keep the record, tell."""
     import sys
 
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core import printable
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.records.asbuilt.pages import rows
@@ -117,7 +117,7 @@ def _read(opened: CommandSession) -> AsBuiltRecord:
     import asyncio
 
     from atlantis_netcfg import __version__
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.records.asbuilt.collect import SiteLook, look_at

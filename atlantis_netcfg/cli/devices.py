@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     CHANGE,
@@ -20,15 +20,15 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._inventory_names import Values
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.inventory_names import Values
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations import Request
@@ -63,7 +63,7 @@ DRIFT = CommandSpec(
 
 def run_drift(arguments: Arguments) -> ExitCode:
     """Read every device, compare, report."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import ALL
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.runs.report.drift import junit
@@ -171,8 +171,8 @@ BACKUP = CommandSpec(
 
 def run_backup(arguments: Arguments) -> ExitCode:
     """Save an export of each device under a run of its own."""
-    from atlantis_netcfg.cli._rehearse import announce
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.rehearsal import announce
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations import Mode
 
     with session(arguments, rehearse=arguments.flag("rehearse")) as opened:
@@ -213,8 +213,8 @@ VERIFY = CommandSpec(
 
 def run_verify(arguments: Arguments) -> ExitCode:
     """Ask what it may cost, ask the device, tell."""
-    from atlantis_netcfg.cli._output import progress
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.output import progress
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.verify import Verifying, written
@@ -293,7 +293,7 @@ def _verified(opened: CommandSession, verifying: Verifying) -> VerifiedDevice:
 
 def _pay(opened: CommandSession, verifying: Verifying) -> None:
     """Tell what it costs where that is paid by the byte. Raises CostRefused; a rehearsal costs nothing."""
-    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.cli.base.consent import pay
 
     cost = verifying.cost
     if opened.rehearsed or not cost.link.metered:
@@ -338,7 +338,7 @@ RESTORE = CommandSpec(
 
 def run_restore(arguments: Arguments) -> ExitCode:
     """Find the state, show what it changes on the device, ask, apply, read back."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import ALL
     from atlantis_netcfg.operations.restore import confirmed_state
 
@@ -358,7 +358,7 @@ def run_restore(arguments: Arguments) -> ExitCode:
         if arguments.flag("plan"):
             report = opened.plan()
         elif opened.rehearsal is not None:
-            from atlantis_netcfg.cli._rehearse import announce, rehearse
+            from atlantis_netcfg.cli.base.rehearsal import announce, rehearse
 
             announce(opened)
             report = rehearse(opened, opened.rehearsal)
@@ -420,8 +420,8 @@ def run_upgrade(arguments: Arguments) -> ExitCode:
     """Read the files, look at the device, show, ask, send, reboot, read back."""
     from pathlib import Path
 
-    from atlantis_netcfg.cli._output import progress
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.output import progress
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.upgrade import PreparedUpgrade, WaitingUpgrade
 
@@ -481,7 +481,7 @@ def _show(opened: CommandSession, prepared: PreparedUpgrade) -> None:
 
 def _ask(opened: CommandSession, prepared: PreparedUpgrade, request: Request) -> Request:
     """Ask for a person's money, then for the reboot; return the request with the first answer."""
-    from atlantis_netcfg.cli._consent import agreed, pays
+    from atlantis_netcfg.cli.base.consent import agreed, pays
 
     if opened.rehearsal is not None:
         return request

@@ -5,8 +5,8 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.cli.robot import ADDRESS
 from atlantis_netcfg.core.language import translate
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
-from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
+from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core.language import translate
 
@@ -100,7 +100,7 @@ def _add(arguments: Arguments) -> ExitCode:
     if arguments.flag("plan"):
         return _tell_plan(arguments, _steps_of_add(entry, request, declared=text is None, member=bool(handed)))
     if not handed:
-        from atlantis_netcfg.cli._passphrase import passphrase_prompt
+        from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
 
         passphrase = passphrase_prompt(arguments)
         members.hold(arguments, server, authority)
@@ -331,7 +331,7 @@ def _to_revoke(authority: Authority, members: Sequence[Member]) -> tuple[Member,
 
 def _agree(arguments: Arguments, name: str, steps: Sequence[str]) -> None:
     """Show what will be done, and return when a person agrees. Raises Declined, UsageError."""
-    from atlantis_netcfg.cli._consent import agreed
+    from atlantis_netcfg.cli.base.consent import agreed
 
     if not arguments.flag("yes"):
         _say(arguments, [f"  {step}" for step in steps])
@@ -342,8 +342,8 @@ def _put_out(
     arguments: Arguments, after: Declaration, authority: Authority, members: Sequence[Member], reason: str
 ) -> Deployed:
     """Record that they are revoked, and see that the server lets none of them in any more."""
-    from atlantis_netcfg.cli._output import progress
-    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.base.output import progress
+    from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.cli.vpn.members import hold
     from atlantis_netcfg.vpn.members import revoke

@@ -10,15 +10,15 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import FRAME, JSON, Arguments, CommandSpec, Group
-from atlantis_netcfg.cli._commands import COMMANDS, DEFAULT, load
+from atlantis_netcfg.cli.base.arguments import FRAME, JSON, Arguments, CommandSpec, Group
+from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.cli._arguments import Word
+    from atlantis_netcfg.cli.base.arguments import Word
 
 
 HELP = CommandSpec("help", "print this overview", group=Group.LAPTOP)

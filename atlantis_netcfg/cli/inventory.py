@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, Arguments, CommandSpec, Flag, Group, Word
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.arguments import JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ import sys
 import textwrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, VIA, Arguments, CommandSpec, Group, Word
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.arguments import ASK_VAULT_PASS, INVENTORY, JSON, VIA, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli.base.output import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,7 +50,7 @@ def run_doctor(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core import paths, printable
 
     try:
-        from atlantis_netcfg.cli._passphrase import vault_of
+        from atlantis_netcfg.cli.base.passphrase import vault_of
         from atlantis_netcfg.operations.doctor import examine
     except ImportError as error:
         _refuse_drift(error)
@@ -133,7 +133,7 @@ def _wrapped(text: str, column: int) -> list[str]:
 
 def _typed(commands: tuple[str, ...], arguments: Arguments) -> list[str]:
     """The commands as they can be typed here: ours with what this one was told, and by the name of the launcher."""
-    from atlantis_netcfg.cli._output import as_typed, carried
+    from atlantis_netcfg.cli.base.output import as_typed, carried
 
     words = carried(arguments)
     return [as_typed(f"`{each}`", words).strip("`") for each in commands]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     INVENTORY,
@@ -22,12 +22,12 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.arguments import Arguments
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.links import BearerFinding
@@ -64,7 +64,7 @@ LINKS = CommandSpec(
 
 def run_links(arguments: Arguments) -> ExitCode:
     """Ask every box of the site's links at once, and tell."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
 
     _one_site(arguments.word("site"))
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
@@ -87,7 +87,7 @@ def seen(opened: CommandSession) -> LinksStatus:
     """Look, once it is agreed what the looking may cost."""
     import asyncio
 
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.links.collect import look
@@ -145,7 +145,7 @@ PROVE = CommandSpec(
 
 def run_prove(arguments: Arguments) -> ExitCode:
     """Ask what it may cost, probe, tell."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 
@@ -183,7 +183,7 @@ def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from atlantis_netcfg.cli._output import as_typed, carried, progress
+    from atlantis_netcfg.cli.base.output import as_typed, carried, progress
     from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
     from atlantis_netcfg.operations.allow_list_test.vpn import vpn_trial
     from atlantis_netcfg.operations.common.request import refuse_examples
@@ -255,7 +255,7 @@ def _request(opened: CommandSession) -> Request:
 
 def _pay(opened: CommandSession, expected: tuple[Preview, ...]) -> None:
     """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
-    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.cli.base.consent import pay
 
     words = [item.words for item in expected]
     if opened.rehearsed:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ASK_VAULT_PASS,
     INVENTORY,
     JSON,
@@ -20,7 +20,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
@@ -67,7 +67,7 @@ def run_image(arguments: Arguments) -> ExitCode:
     """Check everything that can be known at once, ask, make the image, write it and read it back."""
     from pathlib import Path
 
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose, load
     from atlantis_netcfg.operations.image import ImageOrder, made
@@ -128,7 +128,7 @@ def _card(arguments: Arguments, declaration: Declaration) -> Card:
         return card
     confirmed(card.shown, typed)
     if not arguments.flag("yes"):
-        from atlantis_netcfg.cli._consent import agreed
+        from atlantis_netcfg.cli.base.consent import agreed
 
         agreed(f"Write {device}: all that is on it is lost. Go on?")
     return card
@@ -138,7 +138,7 @@ def _typed(card: Card) -> str:
     """What a person types at the question. Raises UsageError when nobody is there to be asked."""
     import sys
 
-    from atlantis_netcfg.cli._consent import typed
+    from atlantis_netcfg.cli.base.consent import typed
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.language import translate
 
@@ -225,7 +225,7 @@ def run_bundle(arguments: Arguments) -> ExitCode:
     """Make the bundle, or open one, and say what is in it."""
     from pathlib import Path
 
-    from atlantis_netcfg.cli._passphrase import vault_of
+    from atlantis_netcfg.cli.base.passphrase import vault_of
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import load
     from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens
@@ -260,7 +260,7 @@ def _refuse_both(arguments: Arguments) -> None:
 def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...], request: Request) -> ExitCode:
     from pathlib import Path
 
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.operations.bundle import BundleRequest, made
 

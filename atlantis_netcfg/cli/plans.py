@@ -9,16 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
-    CHANGE,
-    INVENTORY,
-    YES,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base.arguments import CHANGE, INVENTORY, YES, Arguments, CommandSpec, Flag, Group, Word
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -26,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.runs.report.run import RunReport
 
 _FORMAT = "atlantis-plan-2"
@@ -59,7 +50,7 @@ def run_apply(arguments: Arguments) -> ExitCode:
     """Read the plan, look whether it still holds, ask, apply, read back."""
     from pathlib import Path
 
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
 
     file = Path(arguments.word("file"))
     plan = _read(file)
@@ -78,7 +69,7 @@ def run_apply(arguments: Arguments) -> ExitCode:
 
 
 def _show(plan: Mapping[str, Any], *, as_json: bool) -> ExitCode:
-    from atlantis_netcfg.cli._output import json_text
+    from atlantis_netcfg.cli.base.output import json_text
 
     print(json_text({"exit": int(ExitCode.DONE), "errors": [], **plan}) if as_json else plan["text"].rstrip())
     return ExitCode.DONE
@@ -120,8 +111,8 @@ def save(opened: CommandSession, report: RunReport, file: Path) -> str:
     import json
     import shlex
 
-    from atlantis_netcfg.cli._output import carried
-    from atlantis_netcfg.cli._session import planned_state
+    from atlantis_netcfg.cli.base.output import carried
+    from atlantis_netcfg.cli.base.session import planned_state
     from atlantis_netcfg.core.atomic_files import write_atomically
 
     if report.exit is not ExitCode.CHANGES:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     INVENTORY,
@@ -15,14 +15,14 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from decimal import Decimal
 
-    from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.arguments import Arguments
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.inventory import Declaration, Host
@@ -89,7 +89,7 @@ _LED_ALONG = "whatever else is in this computer's tunnel goes there as well, bes
 
 def run_qualify(arguments: Arguments) -> ExitCode:
     """Say what it costs, measure one link after the other, tell."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.qualify.run import links_of_site, router_of
 
@@ -203,7 +203,7 @@ def _measured(opened: CommandSession, limits: BudgetLimits) -> SeveralResults:
     """Measure the links one after the other. What ends the only one with an error is raised."""
     from contextlib import ExitStack
 
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.qualify.far_end import open_far_end
@@ -288,7 +288,7 @@ def _capped(opened: CommandSession, bearer: Bearer, limits: BudgetLimits) -> Bud
 
 def _pay(opened: CommandSession, links: tuple[Bearer, ...], selection: Selection, limits: BudgetLimits) -> None:
     """Say what is sent, how long it takes and what it costs; return when somebody pays. Raises CostRefused."""
-    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.cli.base.consent import pay
 
     previews = [_preview(opened, bearer, selection, limits) for bearer in links]
     if not opened.as_json:

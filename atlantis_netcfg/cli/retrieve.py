@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     INVENTORY,
@@ -17,14 +17,14 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._inventory_names import Values
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.inventory_names import Values
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.retrieve import (
@@ -80,7 +80,7 @@ RETRIEVE = CommandSpec(
 
 def run_retrieve(arguments: Arguments) -> ExitCode:
     """Look, say what it costs, begin and watch; or tell how it stands, or end it."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.common.request import refuse_examples
@@ -116,8 +116,8 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
 
 def _rehearse(arguments: Arguments) -> ExitCode:
     """Let both programs of a transfer run on this computer. Raises UsageError, NothingMatched."""
-    from atlantis_netcfg.cli._rehearse import announce
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.rehearsal import announce
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core.errors import ExitCode, UsageError
     from atlantis_netcfg.operations.common.site_links import bearer_named
     from atlantis_netcfg.operations.retrieve import RetrievalSelection, plan, source_at
@@ -226,7 +226,7 @@ def _begin(
     opened: CommandSession, program: RetrievalProgram, plan: RetrievalPlan, selection: RetrievalSelection
 ) -> ExitCode:
     """Raises CostRefused, NotBegun, BeginningUnknown."""
-    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.retrieve import new_number, shown_by
 
@@ -245,7 +245,7 @@ def _begin(
 
 def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
     """Tell how it stands until it has ended; whoever stops watching does not stop the transfer."""
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.core.errors import OutcomeUnknown
     from atlantis_netcfg.core.events import Event, Stage
     from atlantis_netcfg.operations.retrieve import shown_by

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     INVENTORY,
@@ -15,7 +15,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
@@ -166,7 +166,7 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     """Listen, and say who was heard."""
     from dataclasses import replace
 
-    from atlantis_netcfg.cli._passphrase import vault_of
+    from atlantis_netcfg.cli.base.passphrase import vault_of
     from atlantis_netcfg.operations import robots
 
     vault = vault_of(arguments)
@@ -267,7 +267,7 @@ def _listen(
 
 def _pay(arguments: Arguments, declaration: Declaration, site: str, seconds: int, address: Callable[[], str]) -> None:
     """Ask for consent where listening brings the robots' topics over a link that is paid by the byte."""
-    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.links.cost import CostRefused
     from atlantis_netcfg.operations.robots.listening_cost import listening_cost
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     CHANGE,
     INVENTORY,
     JSON,
@@ -50,7 +50,7 @@ RUNS = CommandSpec(
 
 def run_runs(arguments: Arguments) -> ExitCode:
     """List them, oldest first; exit 7 when there is none."""
-    from atlantis_netcfg.cli._output import json_text
+    from atlantis_netcfg.cli.base.output import json_text
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.runs import Store
 
@@ -158,7 +158,7 @@ SITE = CommandSpec(
 
 def run_site(arguments: Arguments) -> ExitCode:
     """Plan, ask, apply, read back."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.cli.plans import save
 
     bundle, file = _bundle(arguments), _plan_file(arguments)
@@ -170,7 +170,7 @@ def run_site(arguments: Arguments) -> ExitCode:
             if file is not None:
                 next_command = save(opened, report, file)
         elif opened.rehearsal is not None:
-            from atlantis_netcfg.cli._rehearse import announce, rehearse
+            from atlantis_netcfg.cli.base.rehearsal import announce, rehearse
 
             announce(opened)
             report = rehearse(opened, opened.rehearsal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     INVENTORY,
@@ -15,13 +15,13 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.inventory import Declaration, Host
@@ -66,7 +66,7 @@ SURVEY = CommandSpec(
 
 def run_survey(arguments: Arguments) -> ExitCode:
     """Take points until the time is over or a person stops it, then make the files."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.records.survey.radio import surveyed_link, unit_of
 
@@ -210,7 +210,7 @@ def _site(opened: CommandSession, plan: SurveyPlan) -> SiteSurvey:
 
 def _paid(opened: CommandSession, link: Bearer, plan: SurveyPlan) -> None:
     """Say what it may cost, and return when somebody pays. Raises CostRefused."""
-    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.links.cost import preview
     from atlantis_netcfg.operations.common.site_links import link_of
 

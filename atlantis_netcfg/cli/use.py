@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     INVENTORY,
@@ -22,7 +22,7 @@ from atlantis_netcfg.cli._arguments import (
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.use import UseRequest
@@ -64,7 +64,7 @@ USE = CommandSpec(
 
 def run_use(arguments: Arguments) -> ExitCode:
     """Look at the link, show what would change and what it may cost, ask, change, and say when it ends."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.common.site_links import bearer_named
     from atlantis_netcfg.operations.use import UseRequest, router_of
@@ -114,7 +114,7 @@ def _for_s(arguments: Arguments) -> int | None:
 
 def _settle(opened: CommandSession) -> None:
     """Configure the emulated router, and let it run for as long as it needs to judge its links."""
-    from atlantis_netcfg.cli._rehearse import announce
+    from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.routeros.link_use import SETTLED_S
 
     announce(opened)
@@ -159,7 +159,7 @@ def _end(opened: CommandSession) -> RunReport:
 
 def _pay(opened: CommandSession, use_request: UseRequest) -> None:
     """Tell what the traffic of the site may cost over the link, and return when somebody pays. Raises CostRefused."""
-    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.operations.common.site_links import link_of
 
     link = link_of(opened.declaration, opened.site, use_request.bearer.name)

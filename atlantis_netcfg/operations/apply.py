@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import ExitCode, worst
-from atlantis_netcfg.core.worker import run_until_settled
+from atlantis_netcfg.core.processes.worker import run_until_settled
 from atlantis_netcfg.operations.common.costs import Costs, gate
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.kinds import handled

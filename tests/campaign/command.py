@@ -24,7 +24,7 @@ ANSWERS = 12
 """To so many questions of one command."""
 _POLL_S = 0.02
 _REMINDER = b"  still at work, "
-"""How `provision` begins what it says while it waits (`cli/_output.py`)."""
+"""How `provision` begins what it says while it waits (`cli/base/output.py`)."""
 _NO_RESULT = ("not handled yet", "SKIP")
 _EXEMPT = (signal.SIGKILL, signal.SIGSTOP)
 """Who was struck by these cannot speak."""

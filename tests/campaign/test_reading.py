@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.cli._output import _reminder
+from atlantis_netcfg.cli.base.output import _reminder
 from atlantis_netcfg.core.events import Event, Stage
 from campaign import advice
 from campaign.command import Command, Ended, end, living

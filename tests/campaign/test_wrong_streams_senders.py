@@ -15,8 +15,8 @@ import pytest
 from own_world import NETPLAN, World, own_steps
 
 from atlantis_netcfg.checklist import probes
-from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, _registered
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
+from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, _registered
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved
 from atlantis_netcfg.checklist.probes.satellite import _there
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, RegisteredProbe

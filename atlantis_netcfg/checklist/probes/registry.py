@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import (
     acoustic,
-    bearer_probe,
     ethernet,
     gps,
     integration,
     items,
+    link_probe,
     rc_rf,
     robot,
     satellite,
@@ -56,7 +56,7 @@ _STEPS: Mapping[str, Callable[[Cell], tuple[Step, ...]]] = {
     Column.SATELLITE: satellite.steps,
     Column.USBL: usbl.steps,
     Column.RC_RF: rc_rf.steps,
-    Column.LTE: bearer_probe.steps,
+    Column.LTE: link_probe.steps,
     Column.GPS: gps.steps,
     ETHERNET: ethernet.steps,
     SITE: site_checks.steps,

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, bearers
+from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, bearers
 from atlantis_netcfg.checklist.probes.step import (
     AllowListTestRequest,
     AllowListTestResult,

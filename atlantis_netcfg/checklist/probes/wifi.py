@@ -25,7 +25,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.bearer_probe import link_steps, reserved_mac
+from atlantis_netcfg.checklist.probes.link_probe import link_steps, reserved_mac
 from atlantis_netcfg.checklist.probes.ping import (
     Pinged,
     card_request,

@@ -8,9 +8,9 @@ by the byte, before somebody has agreed to pay; a place that cannot be asked ans
 
 from __future__ import annotations
 
+from atlantis_netcfg.checklist.runner._gateway_access import GatewayAccess, NotReached, way_in
 from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
 from atlantis_netcfg.checklist.runner._run import examine, utc_now
-from atlantis_netcfg.checklist.runner._way_in import GatewayAccess, NotReached, way_in
 from atlantis_netcfg.checklist.runner.cost import previews
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, telling, unanswered
 

@@ -30,13 +30,13 @@ from atlantis_netcfg.checklist.probes import (
     VpnMembersRequest,
 )
 from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
-from atlantis_netcfg.checklist.runner._way_in import GatewayAccess, NotReached, way_in
+from atlantis_netcfg.checklist.runner._gateway_access import GatewayAccess, NotReached, way_in
 from atlantis_netcfg.checklist.runner.cost import refuse_unpaid, within_budget
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, in_words, unanswered
 from atlantis_netcfg.checklist.runner.robots import ask_robots
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
-from atlantis_netcfg.core.remote_process import Carrier
+from atlantis_netcfg.core.processes.remote_process import Carrier
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
 from atlantis_netcfg.operations.common.costs import gate, unpaid
 from atlantis_netcfg.operations.common.request import Mode, Request, refuse_examples

@@ -13,7 +13,7 @@ from atlantis_netcfg.operations import Mode
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.operations.common.saved_states import StartState
     from atlantis_netcfg.runs.report.run import RunReport
 

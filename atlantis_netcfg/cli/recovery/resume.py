@@ -4,22 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
-    CHANGE,
-    INVENTORY,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
-from atlantis_netcfg.cli._inventory_names import Values
+from atlantis_netcfg.cli.base.arguments import CHANGE, INVENTORY, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.runs import Run
     from atlantis_netcfg.runs.report.run import RunReport
@@ -58,7 +50,7 @@ RESUME = CommandSpec(
 
 def run_resume(arguments: Arguments) -> ExitCode:
     """Wait until the devices have taken back what the broken run left open, then bring them to the declared state."""
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
 
     if arguments.flag("rehearse"):
         return _run_rehearsed(arguments)
@@ -74,8 +66,8 @@ def run_resume(arguments: Arguments) -> ExitCode:
 
 def _run_rehearsed(arguments: Arguments) -> ExitCode:
     """The same against emulated devices; the run is found before any of them is started."""
-    from atlantis_netcfg.cli._rehearse import announce
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.rehearsal import announce
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.common.saved_states import hosts_of_run
@@ -101,7 +93,7 @@ def _run_rehearsed(arguments: Arguments) -> ExitCode:
 
 def _rehearsed(opened: CommandSession, broken: Run) -> RunReport:
     """Go on as the real command would; again over each bearer, nothing may be left to change."""
-    from atlantis_netcfg.cli._rehearse import rehearse
+    from atlantis_netcfg.cli.base.rehearsal import rehearse
     from atlantis_netcfg.cli.recovery._rehearsed import rehearse_from
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.common.saved_states import before_resuming

@@ -4,22 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
-    CHANGE,
-    INVENTORY,
-    ONLY,
-    YES,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
-from atlantis_netcfg.cli._inventory_names import Values
+from atlantis_netcfg.cli.base.arguments import CHANGE, INVENTORY, ONLY, YES, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.runs import Run
@@ -65,8 +55,8 @@ ROLLBACK = CommandSpec(
 
 def run_rollback(arguments: Arguments) -> ExitCode:
     """Show the way back, ask, then roll back every device of which the run has saved a state."""
-    from atlantis_netcfg.cli._rehearse import announce
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.rehearsal import announce
+    from atlantis_netcfg.cli.base.session import session
 
     found: list[Run] = []
     rehearsed = arguments.flag("rehearse")
@@ -88,7 +78,7 @@ def run_rollback(arguments: Arguments) -> ExitCode:
 
 def _chosen(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[Host, ...]]:
     """The run, and those of the hosts of which it has saved a state. Raises NothingMatched."""
-    from atlantis_netcfg.cli._session import require_handled
+    from atlantis_netcfg.cli.base.session import require_handled
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.common.kinds import handled
@@ -129,7 +119,7 @@ def _real(opened: CommandSession) -> RunReport:
 
 def _rehearsed(opened: CommandSession, run: Run) -> RunReport:
     """Put back on the emulated devices what the run had saved; over each bearer again nothing may be left."""
-    from atlantis_netcfg.cli._rehearse import rehearse
+    from atlantis_netcfg.cli.base.rehearsal import rehearse
     from atlantis_netcfg.cli.recovery._rehearsed import rehearse_from
     from atlantis_netcfg.operations.common.saved_states import before_rollback
 

@@ -11,9 +11,9 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import FRAME, CommandSpec, Word
-from atlantis_netcfg.cli._commands import DEFAULT, load
-from atlantis_netcfg.cli._inventory_names import Values, folder_of, names
+from atlantis_netcfg.cli.base.arguments import FRAME, CommandSpec, Word
+from atlantis_netcfg.cli.base.commands import DEFAULT, load
+from atlantis_netcfg.cli.base.inventory_names import Values, folder_of, names
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.language import translate

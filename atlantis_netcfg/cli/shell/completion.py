@@ -9,11 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import CommandSpec, Group
+from atlantis_netcfg.cli.base.arguments import CommandSpec, Group
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli.base.arguments import Arguments
 
 
 def _print(shell: str) -> ExitCode:

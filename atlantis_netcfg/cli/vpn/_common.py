@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, Flag, Word
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, Flag, Word
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
 
@@ -120,19 +120,19 @@ def tell(
     errors: Sequence[NetcfgError] = (),
 ) -> ExitCode:
     """Print the result: one JSON object, or lines on the output and errors as every error is told."""
-    from atlantis_netcfg.cli import _output
+    from atlantis_netcfg.cli.base import output
 
-    typed = _output.carried(arguments)
+    typed = output.carried(arguments)
     for error in errors:
-        error.hint = error.hint and _output.as_typed(error.hint, typed)
+        error.hint = error.hint and output.as_typed(error.hint, typed)
     if arguments.flag(JSON.name):
         rows = [{"message": str(error), "hint": error.hint} for error in errors]
         print(json_text({"exit": int(code), "errors": rows, **values}))
         return code
     for line in lines:
-        print(printable.line(translate(_output.as_typed(line, typed))))
+        print(printable.line(translate(output.as_typed(line, typed))))
     sys.stdout.flush()
-    _output.tell(errors)
+    output.tell(errors)
     return code
 
 

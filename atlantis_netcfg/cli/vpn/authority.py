@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Group, Word
-from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
+from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ VPN_INIT = CommandSpec(
 
 def run_vpn_init(arguments: Arguments) -> ExitCode:
     """Make it, unless it is there."""
-    from atlantis_netcfg.cli._passphrase import chosen
+    from atlantis_netcfg.cli.base.passphrase import chosen
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.authority.authority import Authority

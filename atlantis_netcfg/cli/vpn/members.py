@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
-from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
+from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core.language import translate
 
@@ -79,7 +79,7 @@ VPN_ONBOARD = CommandSpec(
 
 def run_vpn_onboard(arguments: Arguments) -> ExitCode:
     """Check everything, issue, hand out, tell the server."""
-    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.vpn.members import Onboarding, refuse_example_authority
     from atlantis_netcfg.vpn.recipients import recipients_of
@@ -147,7 +147,7 @@ VPN_RENEW = CommandSpec(
 
 def run_vpn_renew(arguments: Arguments) -> ExitCode:
     """Choose the members, issue, hand out, tell the server."""
-    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.vpn.members import Onboarding, refuse_example_authority
     from atlantis_netcfg.vpn.recipients import recipient_of
@@ -216,8 +216,8 @@ VPN_REVOKE = CommandSpec(
 
 def run_vpn_revoke(arguments: Arguments) -> ExitCode:
     """Ask, record, publish the list, end the sessions, look."""
-    from atlantis_netcfg.cli._output import progress
-    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.base.output import progress
+    from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.vpn.members import reason_of, revoke
 
@@ -249,7 +249,7 @@ def _members_to_revoke(arguments: Arguments, membership: MembershipList) -> tupl
 
 def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
     """Show what will be cut, and return when a person agrees. Raises Declined, UsageError."""
-    from atlantis_netcfg.cli._consent import agreed
+    from atlantis_netcfg.cli.base.consent import agreed
     from atlantis_netcfg.vpn.reports import when
 
     if arguments.flag("yes") or not any(member.good for member in members):
@@ -312,7 +312,7 @@ def _opener(arguments: Arguments) -> Secret:
     """The key out of its file, or the passphrase."""
     from pathlib import Path
 
-    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.secret import Secret
 
@@ -354,7 +354,7 @@ def handout_target(arguments: Arguments, recipients: Mapping[str, str]) -> Hando
 
 def hold(arguments: Arguments, server: Server, authority: Authority) -> None:
     """Hold the record against the server, before anything is signed. Raises RecordOlder."""
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
 
     with progress(quiet=arguments.flag("json")) as notify:
         server.hold(authority, notify)
@@ -385,7 +385,7 @@ def close(  # noqa: PLR0913 - one end of three commands
 
 
 def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Deployed:
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.vpn._common import AGAIN
     from atlantis_netcfg.core.errors import OutcomeUnknown
     from atlantis_netcfg.operations.vpn.server import Deployed

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     INVENTORY,
@@ -23,8 +23,8 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._output import json_text
-from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
+from atlantis_netcfg.cli.base.output import json_text
+from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from datetime import datetime
 
-    from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.arguments import Arguments
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.router import InstalledIdentity
     from atlantis_netcfg.operations.vpn.server import VpnStatus
@@ -68,7 +68,7 @@ def run_vpn_install(arguments: Arguments) -> ExitCode:
     """Look, ask, install, read back."""
     from pathlib import Path
 
-    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import ALL, choose, load
 
@@ -86,8 +86,8 @@ def run_vpn_install(arguments: Arguments) -> ExitCode:
 
 
 def _installed(opened: CommandSession) -> ExitCode:
-    from atlantis_netcfg.cli._consent import agreed
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.consent import agreed
+    from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
@@ -147,8 +147,8 @@ VPN_SYNC = CommandSpec(
 
 def run_vpn_sync(arguments: Arguments) -> ExitCode:
     """Push, end what must end, look."""
-    from atlantis_netcfg.cli._output import progress
-    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.base.output import progress
+    from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.cli.vpn import members as vpn_members
     from atlantis_netcfg.core.errors import UsageError
@@ -195,7 +195,7 @@ def run_vpn_status(arguments: Arguments) -> ExitCode:
     """Look at the record and at the server; whoever was seen is recorded."""
     from datetime import UTC, datetime
 
-    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.operations.vpn.server import Connected, vpn_status
     from atlantis_netcfg.vpn import reports

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-from atlantis_netcfg.core.stop_signals import STOP_SIGNALS, handlers, pending_stop, restore
+from atlantis_netcfg.core.processes.stop_signals import STOP_SIGNALS, handlers, pending_stop, restore
 from atlantis_netcfg.operations.common.kinds import handled
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
 from atlantis_netcfg.runs import Run, Store

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown
-from atlantis_netcfg.core.remote_bundle import INSTALL, Tool, build_live
+from atlantis_netcfg.core.processes.remote_bundle import INSTALL, Tool, build_live
 from atlantis_netcfg.operations.computers._access import key_trouble
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.computers.services import ENVIRONMENT
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.core.remote_process import Carrier
+from atlantis_netcfg.core.processes.remote_process import Carrier
 from atlantis_netcfg.inventory.model import ControlCentre, ServerComputer
 from atlantis_netcfg.inventory.robots.reading import FOLDER, key_names
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
 
-    from atlantis_netcfg.core.remote_process import ProcessEnded
+    from atlantis_netcfg.core.processes.remote_process import ProcessEnded
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Dds
     from atlantis_netcfg.robots.observation import Observation

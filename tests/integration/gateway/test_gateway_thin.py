@@ -10,7 +10,7 @@ from gateway_stand import FREE_CLOCK, Key, Start, ground, machine, technician  #
 from waiting import wait_until
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import FOLDER
-from atlantis_netcfg.core.remote_bundle import build
+from atlantis_netcfg.core.processes.remote_bundle import build
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 

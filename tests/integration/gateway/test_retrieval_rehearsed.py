@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from retrieval_programs import GATEWAY, ROBOT, with_retrieval
 
-from atlantis_netcfg.cli import _session, main
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.base import session
 from atlantis_netcfg.operations import retrieve_rehearsal
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def test_a_robot_is_collected_first_and_a_spoilt_copy_is_not_green(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     declared: Declaration = with_retrieval(robots=[ROBOT], sources=[{"host": GATEWAY}])
-    monkeypatch.setattr(_session, "load", lambda *_, **__: declared)
+    monkeypatch.setattr(session, "load", lambda *_, **__: declared)
     monkeypatch.setattr(retrieve_rehearsal, "_MOST_BYTES", 400_000)
     kept: list[dict[str, str]] = []
     real = retrieve_rehearsal._digests

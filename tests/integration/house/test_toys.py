@@ -167,11 +167,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import CommandSpec, Word
+from atlantis_netcfg.cli.base.arguments import CommandSpec, Word
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli.base.arguments import Arguments
 
 TIDE = CommandSpec("tide", "say how high the water is", words=(Word("site", "the site", required=True, example="scc"),))
 
@@ -185,7 +185,9 @@ def run_tide(arguments: Arguments) -> ExitCode:
 def test_a_command_is_a_module_and_a_line(product: Copy) -> None:
     product.append("atlantis_netcfg/cli/tide.py", COMMAND)
     last = '    "version": "atlantis_netcfg.cli.help:version",\n'
-    product.replace("atlantis_netcfg/cli/_commands.py", last, f'    "tide": "atlantis_netcfg.cli.tide:tide",\n{last}')
+    product.replace(
+        "atlantis_netcfg/cli/base/commands.py", last, f'    "tide": "atlantis_netcfg.cli.tide:tide",\n{last}'
+    )
 
     assert product.provision("tide", "site=scc") == "high water at scc\n"
     assert "say how high the water is" in product.provision("help")
@@ -273,6 +275,6 @@ class Interface:
 
 
 def test_a_probe_is_a_step_in_the_module_of_its_column(product: Copy) -> None:
-    product.append("atlantis_netcfg/checklist/probes/bearer_probe.py", PROBE)
+    product.append("atlantis_netcfg/checklist/probes/link_probe.py", PROBE)
 
     assert items(product, "te4sea", code=6)["te4sea/4g/port"] == "PASS"

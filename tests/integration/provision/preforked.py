@@ -37,8 +37,8 @@ CHECKOUT = Path(__file__).resolve().parents[3]
 PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))
 PRELOADED = (
     *("atlantis_netcfg.cli", "atlantis_netcfg.emulator.routeros.__main__"),
-    *("atlantis_netcfg.cli._output", "atlantis_netcfg.cli._arguments", "atlantis_netcfg.cli._playbook"),
-    *("atlantis_netcfg.cli._session", "atlantis_netcfg.cli.devices", "atlantis_netcfg.cli.runs"),
+    *("atlantis_netcfg.cli.base.output", "atlantis_netcfg.cli.base.arguments", "atlantis_netcfg.cli.base.playbook"),
+    *("atlantis_netcfg.cli.base.session", "atlantis_netcfg.cli.devices", "atlantis_netcfg.cli.runs"),
     *(
         "atlantis_netcfg.operations.common.jobs",
         "atlantis_netcfg.operations.common.rehearsal",
@@ -66,7 +66,7 @@ ANSIBLE = (
     *(f"{_PLUGINS}.modules.{name}" for name in ("build", "clock", "configure", "env_conflicts", "packages")),
     *(
         "atlantis_netcfg.computers.bundle.open",
-        "atlantis_netcfg.core.remote_bundle",
+        "atlantis_netcfg.core.processes.remote_bundle",
         "atlantis_netcfg.operations.common.request",
     ),
     *("atlantis_netcfg.operations.computers._watch", "atlantis_netcfg.operations.computers.desired_state"),

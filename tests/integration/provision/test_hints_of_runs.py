@@ -110,7 +110,7 @@ READ = """
 import sys
 from types import SimpleNamespace
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._session import CommandSession
+from atlantis_netcfg.cli.base.session import CommandSession
 from atlantis_netcfg.core.errors import ExitCode
 CommandSession.perform = lambda *_words, **_more: SimpleNamespace(devices={}, exit=ExitCode.CHANGES)
 sys.exit(main())

@@ -30,7 +30,7 @@ from quay import ADDRESS, ROUTER, Door, Quay, forwarded, fresh_quay
 from vpn_desk import NOBODY, PASSPHRASE, over_a_pipe
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
 from atlantis_netcfg.routeros.console.terminal import Terminal
 from atlantis_netcfg.runs import Store
 

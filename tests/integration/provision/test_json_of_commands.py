@@ -11,7 +11,7 @@ import pytest
 import yaml
 from quay import CHECKOUT
 
-from atlantis_netcfg.cli._commands import COMMANDS, load
+from atlantis_netcfg.cli.base.commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode
 
 pytestmark = pytest.mark.slow

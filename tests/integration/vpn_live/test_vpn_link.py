@@ -13,7 +13,7 @@ from live_stand import NAME, Computer
 from local_link import LocalLink
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_serve
-from atlantis_netcfg.core.remote_bundle import build_live
+from atlantis_netcfg.core.processes.remote_bundle import build_live
 from atlantis_netcfg.operations.computers import remote_session as link_module
 from atlantis_netcfg.operations.computers.remote_session import (
     FOLDER,

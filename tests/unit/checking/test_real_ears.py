@@ -13,7 +13,7 @@ import pytest
 from waiting import wait_until
 
 from atlantis_netcfg.checklist import plan, probes
-from atlantis_netcfg.checklist.runner import NotReached, RealEars, _real, _way_in, ask_here, way_in
+from atlantis_netcfg.checklist.runner import NotReached, RealEars, _gateway_access, _real, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.events import Event, Verdict
@@ -168,8 +168,8 @@ def test_a_gateway_that_is_not_reached_answers_so(stand: Stand, case: str) -> No
 
 
 def test_a_connection_that_hangs_is_given_up_with_what_has_come(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_way_in, "_CONNECT_S", 0)
-    monkeypatch.setattr(_way_in, "_GRACE_S", 0.7)
+    monkeypatch.setattr(_gateway_access, "_CONNECT_S", 0)
+    monkeypatch.setattr(_gateway_access, "_GRACE_S", 0.7)
     first = '{"key":"one","trouble":null,"words":"","rc":0,"out":"early","err":"","began":1.0}'
     stand.behaves(f"cat >/dev/null; echo '{first}'; exec sleep 600")
     found = stand.ask(run("one", "true", within_s=0), run("two", "true", within_s=0))

@@ -21,7 +21,7 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.report import Drawing, Item, ItemKind, Phase, Row
 from atlantis_netcfg.checklist.runner import OnAnswer
-from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Price, Prompt, shown
+from atlantis_netcfg.cli.checklist.workflow import CheckWorkflow, Listening, Price, Prompt, shown
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.inventory import Declaration, load

@@ -8,7 +8,7 @@ from check_desk import LAMP, PING, RADIO, Sitting, checklist
 
 from atlantis_netcfg.checklist import Answers, PlanEntry
 from atlantis_netcfg.checklist.report import Item
-from atlantis_netcfg.cli._checklist_workflow import Price
+from atlantis_netcfg.cli.checklist.workflow import Price
 from atlantis_netcfg.links.cost import CostRefused
 
 WELL = "PASS hears the boat"

@@ -11,7 +11,7 @@ from PIL import Image
 from atlantis_netcfg.checklist import PlanEntry
 from atlantis_netcfg.checklist.probes.step import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted, doubt_of_name
+from atlantis_netcfg.cli.checklist.workflow import Price, Prompt, PromptAborted, doubt_of_name
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import EvidenceKind

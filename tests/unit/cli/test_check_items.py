@@ -9,7 +9,7 @@ from check_desk import LAMP, Sitting, entry, pilot
 from atlantis_netcfg.checklist import PlanEntry, Scope, plan
 from atlantis_netcfg.checklist.probes.step import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.cli._checklist_workflow import PromptAborted
+from atlantis_netcfg.cli.checklist.workflow import PromptAborted
 from atlantis_netcfg.core import language
 from atlantis_netcfg.inventory.model import EvidenceKind
 

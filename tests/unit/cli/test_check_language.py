@@ -9,8 +9,8 @@ from check_desk import LAMP, PING, RADIO, Sitting
 from checklist_marks import marked, rest_of, without_marks
 
 from atlantis_netcfg.checklist import PlanEntry
-from atlantis_netcfg.cli._checklist_session import greet
-from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted
+from atlantis_netcfg.cli.checklist.check_run import greet
+from atlantis_netcfg.cli.checklist.workflow import Price, Prompt, PromptAborted
 from atlantis_netcfg.links.cost import CostRefused
 
 WORDS = {"sparus/wifi": ["FAIL silent", "FAIL silent"], "sparus/usbl/ping": ["PASS answers"]}

@@ -17,14 +17,15 @@ from atlantis_netcfg.checklist.probes import Answer, Place, Question
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.runner import OnAnswer
 from atlantis_netcfg.checklist.runner.results import unanswered
-from atlantis_netcfg.cli import _checklist_session, _session, main
-from atlantis_netcfg.cli._arguments import parse
-from atlantis_netcfg.cli._checklist_session import CheckStopped, run_check
-from atlantis_netcfg.cli._checklist_workflow import Listening, Prompt, price_of
-from atlantis_netcfg.cli.checklist import CHECK
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.base import session
+from atlantis_netcfg.cli.base.arguments import parse
+from atlantis_netcfg.cli.checklist import CHECK, check_run
+from atlantis_netcfg.cli.checklist.check_run import CheckStopped, run_check
+from atlantis_netcfg.cli.checklist.workflow import Listening, Prompt, price_of
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
 
 ROV = ("site=coastal", "vehicle=eca-rov", "--rehearse")
 """One thing that a program looks at, and one that a person does."""
@@ -75,8 +76,8 @@ def ears(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> NobodyThere:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("atlantis_netcfg.operations.common.rehearsal.rehearsal", nothing)
     without_robots = replace(pilot(), root=tmp_path)
-    monkeypatch.setattr(_session, "load", lambda *_, **__: without_robots)
-    monkeypatch.setattr(_checklist_session, "listening", nobody)
+    monkeypatch.setattr(session, "load", lambda *_, **__: without_robots)
+    monkeypatch.setattr(check_run, "listening", nobody)
     monkeypatch.setattr(report, "pages", lambda _document, _files: {"report.html": b"<p>page</p>"}, raising=False)
     return there
 
@@ -182,7 +183,7 @@ def test_a_person_goes_through_it_and_signs(capsys: pytest.CaptureFixture[str]) 
 
 def test_after_a_signature_the_worst_item_is_named() -> None:
     bad: list[Any] = [SimpleNamespace(id="worst"), SimpleNamespace(id="other"), SimpleNamespace(id="third")]
-    said = [_checklist_session._begin_anew(bad[:count]).partition(", then")[0] for count in (1, 2, 3)]
+    said = [check_run._begin_anew(bad[:count]).partition(", then")[0] for count in (1, 2, 3)]
     assert said == ["Mend worst", "Mend worst and 1 other", "Mend worst and 2 others"]
 
 

@@ -11,7 +11,7 @@ from pilot_commands import Table, done
 from row_subtests import for_each_row
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.cli.base.commands import COMMANDS
 from atlantis_netcfg.cli.shell._suggestions import candidates
 from atlantis_netcfg.runs import RunStarted, Store
 

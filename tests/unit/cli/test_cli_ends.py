@@ -17,8 +17,8 @@ from pilot_commands import Table, done
 from waiting import HANG_S
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._arguments import Arguments
-from atlantis_netcfg.cli._output import _reminder, progress
+from atlantis_netcfg.cli.base.arguments import Arguments
+from atlantis_netcfg.cli.base.output import _reminder, progress
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Event, Stage
 
@@ -226,7 +226,7 @@ def test_where_a_program_reads_only_a_person_at_a_terminal_sees_the_progress() -
 
 def test_a_terminal_shows_the_age_of_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal, clock = Terminal(), iter(range(0, 10_000, 7))
-    monkeypatch.setattr("atlantis_netcfg.cli._output.time.monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr("atlantis_netcfg.cli.base.output.time.monotonic", lambda: float(next(clock)))
     with progress(quiet=False, out=terminal) as notify:
         notify(Event("quay", Stage.CONNECTING, "to it"))
         notify(Event("mast", Stage.CONNECTING, f"to {'a far place ' * 9}", limit_s=120))

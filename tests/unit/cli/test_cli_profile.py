@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._commands import COMMANDS, load
+from atlantis_netcfg.cli.base.commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode
 
 _WITHOUT = {"adopt", "resume", "retrieve", "rollback", "survey"}

@@ -160,4 +160,4 @@ def test_it_imports_only_what_reads_and_checks_a_declaration(inventory: Path) ->
     strangers = {"ansible", "asyncio", "cryptography", "jinja2", "librouteros", "netmiko", "paramiko", "rich", "ssl"}
     assert strangers.isdisjoint(name.partition(".")[0] for name in imported)
     packages = {name.split(".")[1] for name in imported if name.startswith("atlantis_netcfg.")}
-    assert packages <= {"cli", "core", "declaration"}
+    assert packages <= {"cli", "core", "inventory"}

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from atlantis_netcfg.cli._consent import Declined, agreed, pays, removes, shown_word, whole_word, yes_or_no
+from atlantis_netcfg.cli.base.consent import Declined, agreed, pays, removes, shown_word, whole_word, yes_or_no
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.language import Language

@@ -13,8 +13,10 @@ from hints_said import advised, said
 from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist._signing import written
-from atlantis_netcfg.cli import _checklist_session, _commands, _session, main
-from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.base import commands, session
+from atlantis_netcfg.cli.base.commands import COMMANDS
+from atlantis_netcfg.cli.checklist import check_run
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.inventory import load
@@ -22,7 +24,7 @@ from atlantis_netcfg.runs import RunStarted, Store
 from atlantis_netcfg.runs.report.run import RunReport
 
 ROOT = checkout() / "inventory"
-CHANGING = [name for name in COMMANDS if _commands.load(name, COMMANDS).command.changes]
+CHANGING = [name for name in COMMANDS if commands.load(name, COMMANDS).command.changes]
 
 
 class Place:
@@ -44,8 +46,8 @@ def at(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.M
     """Values of the inventory are taken for real ones; a checklist is opened and closed, and asks nobody."""
     shipped = load(ROOT)
     real = replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
-    monkeypatch.setattr(_session, "load", lambda *_, **__: real)
-    monkeypatch.setattr(_checklist_session, "_look", lambda *_: None)
+    monkeypatch.setattr(session, "load", lambda *_, **__: real)
+    monkeypatch.setattr(check_run, "_look", lambda *_: None)
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     return Place(tmp_path, capsys, monkeypatch)
 
@@ -194,7 +196,7 @@ def test_canaries_of_a_satellite_are_tried_by_a_person(at: Place) -> None:
 def _tried(at: Place) -> Callable[..., object]:
     """In place of the router: say whom it would have been."""
 
-    def prove(opened: _session.CommandSession) -> object:
+    def prove(opened: session.CommandSession) -> object:
         at.tried.append(opened.hosts[0].name)
         raise NothingBehindIt
 
@@ -219,11 +221,11 @@ def test_example_values_are_rehearsed(capsys: pytest.CaptureFixture[str], monkey
         seen.append(opened)
         raise NothingBehindIt
 
-    monkeypatch.setattr("atlantis_netcfg.cli._rehearse.rehearse", rehearsed)
+    monkeypatch.setattr("atlantis_netcfg.cli.base.rehearsal.rehearse", rehearsed)
     monkeypatch.setattr("atlantis_netcfg.operations.common.rehearsal.rehearsal", _no_twins)
     assert main([*words]) == 7
     (opened,) = seen
-    assert isinstance(opened, _session.CommandSession)
+    assert isinstance(opened, session.CommandSession)
     assert (opened.site, opened.rehearsed) == (words[0].partition("=")[2], True)
 
 
@@ -238,18 +240,18 @@ def _no_twins(*_: object) -> Iterator[object]:
 @for_each_row("name", CHANGING)
 def test_what_is_said_after_a_stop_is_no_resume_that_knows_of_nothing(name: str) -> None:
     """A command that is no run of the engine goes on when it is typed again; `resume` would refuse it."""
-    command = _commands.load(name, COMMANDS).command
+    command = commands.load(name, COMMANDS).command
     assert command.plays != command.again.replace("what was recorded stands: ", "").startswith("type the same again")
     assert "resume" not in command.again
 
 
-@pytest.mark.parametrize("name", [name for name in CHANGING if not _commands.load(name, COMMANDS).command.plays])
+@pytest.mark.parametrize("name", [name for name in CHANGING if not commands.load(name, COMMANDS).command.plays])
 def test_a_stopped_command_that_is_no_run_is_typed_again(name: str, at: Place) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
     at.monkeypatch.setattr(COMMANDS[name].replace(":", ".run_"), stop)
-    words = _commands.load(name, COMMANDS).command.words
+    words = commands.load(name, COMMANDS).command.words
     printed = at.type(*name.split(), *(word.typed for word in words if word.required), code=5)
     assert "type the same again" in printed
     assert not any("resume" in words for words in advised(printed))
@@ -259,7 +261,7 @@ def test_a_stop_before_anything_was_sent_says_that_nothing_was_changed(at: Place
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    at.monkeypatch.setattr(_session, "load", stop)
+    at.monkeypatch.setattr(session, "load", stop)
     for typed in (("site=coastal", "--yes"), ("resume", "site=coastal"), ("rollback", "site=coastal", "to=x")):
         assert "nothing was changed" in at.type(*typed, code=4)
 
@@ -287,4 +289,4 @@ def test_what_a_look_has_found_wrong_keeps_no_other_device_from_being_changed(
 ) -> None:
     devices = {f"d{place}": {"exit": code} for place, code in enumerate(codes)}
     planned = RunReport("coastal", rehearsed=False, devices=devices)
-    assert (worst(_session.CommandSession._plannable(planned)) is ExitCode.CHANGES) == asks
+    assert (worst(session.CommandSession._plannable(planned)) is ExitCode.CHANGES) == asks

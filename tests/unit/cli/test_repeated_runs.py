@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.cli._output import as_typed
+from atlantis_netcfg.cli.base.output import as_typed
 from atlantis_netcfg.cli.recovery.resume import _refuse_others, _refuse_settled
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.runs import Outcome, Purpose, Run, RunResumed, RunStarted, Store

@@ -12,7 +12,7 @@ from laptop_network import Plug, network
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.cli import laptop, main
-from atlantis_netcfg.cli._arguments import parse
+from atlantis_netcfg.cli.base.arguments import parse
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout
@@ -219,7 +219,7 @@ def test_example_values_are_rehearsed_next(capsys: pytest.CaptureFixture[str], m
         seen.append(opened)
         raise NothingBehindIt
 
-    monkeypatch.setattr("atlantis_netcfg.cli._rehearse.rehearse", rehearsed)
+    monkeypatch.setattr("atlantis_netcfg.cli.base.rehearsal.rehearse", rehearsed)
     monkeypatch.setattr("atlantis_netcfg.operations.common.rehearsal.rehearsal", _no_twins)
     assert main(words) == 7
     assert len(seen) == 1

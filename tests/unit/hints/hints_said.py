@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from atlantis_netcfg.cli._arguments import parse
-from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+from atlantis_netcfg.cli.base.arguments import parse
+from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
 from atlantis_netcfg.core.errors import NetcfgError
 
 CHECKOUT = Path(__file__).resolve().parents[3]

@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).resolve().parents[3] / "atlantis_netcfg"
 CODES = frozenset({"FAILED", "UNKNOWN", "CHECKS_FAILED"})
 STATUSES = frozenset({"REFUSED", "ROLLED_BACK", "LEFT_AS_FOUND", "UNKNOWN", "DRIFTED"})
 REASON_CALLS = {
-    "Objection": "bootstrap/",
+    "Objection": "routeros/first_contact/",
     "_fail": "routeros/api/",
     "problems.append": "routeros/planner/",
     "os_errors_as": "vpn/",

@@ -20,10 +20,10 @@ SITE_CHECKS = "checklist/probes/site_checks/"
 SECTIONS = {
     SITE_CHECKS: "The site's own checks",
     "links/lte/": "4G",
-    "bearers/satellite": "Satellite",
+    "links/satellite": "Satellite",
     "checklist/probes/satellite": "Satellite",
     "operations/allow_list_test/": "Satellite",
-    "bearers/wifi": "Wi-Fi",
+    "links/wifi": "Wi-Fi",
     "checklist/probes/wifi": "Wi-Fi",
     "checklist/probes/acoustic/": "Acoustic",
     "checklist/probes/usbl": "USBL",

@@ -25,7 +25,7 @@ ALLOWED = {
     ("atlantis_netcfg/checklist/probes/step.py", "asked"): _NOT_YET,
     ("atlantis_netcfg/checklist/probes/step.py", "heard"): _NOT_YET,
     ("atlantis_netcfg/checklist/runner/_run.py", "asked"): _NOT_YET,
-    ("atlantis_netcfg/cli/_session.py", "asked"): _NOT_YET,
+    ("atlantis_netcfg/cli/base/session.py", "asked"): _NOT_YET,
     ("atlantis_netcfg/emulator/acoustic/_evologics.py", "heard"): _NOT_YET,
     ("atlantis_netcfg/emulator/acoustic/_line.py", "held"): _NOT_YET,
     ("atlantis_netcfg/emulator/acoustic/_line.py", "said"): _NOT_YET,

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-from atlantis_netcfg.cli._commands import COMMANDS, load
+from atlantis_netcfg.cli.base.commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode
 
 CHECKOUT = Path(__file__).parents[3]

@@ -210,7 +210,7 @@ ELSEWHERE = {
     "atlantis_netcfg/core/temporary.py",
     # A file without a name ends with its process.
     "atlantis_netcfg/operations/computers/remote_session.py",
-    "atlantis_netcfg/core/remote_process.py",
+    "atlantis_netcfg/core/processes/remote_process.py",
     # Programs that run on a board, in Python's standard library alone; install.py removes its own leftovers.
     "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/plugin_utils/board/install.py",
     "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/module_utils/file_transaction.py",

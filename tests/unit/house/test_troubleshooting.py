@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from failure_messages import LEAST, Message, failing, messages, passed_on, read
 
-from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
 
 PAGE = Path(__file__).parents[3] / "docs" / "troubleshooting.md"
 ROW = re.compile(r"^\| (`.+`) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
@@ -24,7 +24,7 @@ PASSED_ON = {
     ("routeros/first_contact/run.py", "CutOff"): _CAUSE,
     ("routeros/first_contact/run.py", "DeviceFailed"): _REASON,
     ("routeros/first_contact/run.py", "PreflightRefused"): _REASON,
-    ("cli/_session.py", "Stopped"): _CALLER,
+    ("cli/base/session.py", "Stopped"): _CALLER,
     ("cli/robot.py", "CostRefused"): _CAUSE,
     ("routeros/console/terminal.py", "ConsoleLost"): _CAUSE,
     ("routeros/console/types.py", "ConsoleLost"): _CALLER,

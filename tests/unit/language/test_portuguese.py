@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from atlantis_netcfg.cli._commands import COMMANDS, load
+from atlantis_netcfg.cli.base.commands import COMMANDS, load
 from atlantis_netcfg.cli.help import of_command, overview
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.catalogue import Catalogue, Template, read

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST
-from atlantis_netcfg.cli._commands import COMMANDS, load
+from atlantis_netcfg.cli.base.arguments import ACCEPT_COST
+from atlantis_netcfg.cli.base.commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
@@ -230,7 +230,7 @@ def source_of(function: Callable[..., object]) -> str:
 
 def test_every_command_whose_session_may_go_over_a_link_can_be_told_to_pay() -> None:
     """First contact goes over the technician's cable or a serial line only: there is nothing to pay."""
-    opening = [name for name in COMMANDS if "cli._session import session" in source_of(load(name, COMMANDS).run)]
+    opening = [name for name in COMMANDS if "cli.base.session import session" in source_of(load(name, COMMANDS).run)]
     assert len(opening) > 5
     for name in opening:
         assert ACCEPT_COST in load(name, COMMANDS).command.flags, name

@@ -7,9 +7,9 @@ import pytest
 from ansible import constants
 from ansible.parsing.vault import VaultLib, VaultSecret
 
-from atlantis_netcfg.cli import _passphrase
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Arguments, CommandSpec
-from atlantis_netcfg.cli._passphrase import vault_of
+from atlantis_netcfg.cli.base import passphrase
+from atlantis_netcfg.cli.base.arguments import ASK_VAULT_PASS, JSON, Arguments, CommandSpec
+from atlantis_netcfg.cli.base.passphrase import vault_of
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.common.vault import Vault
@@ -114,7 +114,7 @@ def test_a_person_is_asked_on_a_terminal(
     named: pytest.MonkeyPatch, *, flags: tuple[str, ...], terminal: bool, asks: bool
 ) -> None:
     named.setattr(sys.stdin, "isatty", lambda: terminal)
-    named.setattr(_passphrase, "_typed", lambda *_: Secret(PASSWORD))
+    named.setattr(passphrase, "_typed", lambda *_: Secret(PASSWORD))
     vault = vault_of(arguments(*flags))
     if asks:
         assert vault.decrypt(SEALED) == "open"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.core.worker import run_until_settled
+from atlantis_netcfg.core.processes.worker import run_until_settled
 
 _FORK = multiprocessing.get_context("fork")
 

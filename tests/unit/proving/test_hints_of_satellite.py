@@ -14,7 +14,7 @@ from test_proving import ADDED, SATELLITE, bearer, prove, proving
 
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe
 from atlantis_netcfg.checklist.probes.step import AllowListTestResult
-from atlantis_netcfg.cli import _output
+from atlantis_netcfg.cli.base import output
 from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
@@ -78,7 +78,7 @@ def of_an_error(typed: tuple[str, ...], act: Callable[[], object]) -> str:
     """The hint of an error as the last door tells it, after what was typed."""
     with pytest.raises(NetcfgError) as told:
         act()
-    return _output.as_typed(str(told.value.hint), typed)
+    return output.as_typed(str(told.value.hint), typed)
 
 
 def evidence(at: Laptop, **changes: Any) -> str:  # noqa: ANN401 - fields of the evidence

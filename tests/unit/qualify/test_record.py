@@ -12,7 +12,7 @@ import pytest
 from example_runs import BEGUN, LARGE, SMALL, idle_text, measured_run, put_run, samples_text
 from tolerances import tolerances
 
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.qualify.archive import (
     RECORD_FILE,

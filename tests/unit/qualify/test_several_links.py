@@ -32,7 +32,7 @@ from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.operations.qualify.several import SeveralResults, left, measure_each
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 BEARERS = DECLARED.sites["coastal"].bearers

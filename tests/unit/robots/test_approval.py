@@ -12,7 +12,8 @@ from ansible.parsing.vault import VaultLib, VaultSecret
 from hints_said import advised
 from vpn_desk import PASSPHRASE, founded, over_a_pipe
 
-from atlantis_netcfg.cli import _passphrase, main
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.base import passphrase
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.core.secret import Secret
@@ -152,7 +153,7 @@ def test_a_vaulted_token_is_compared_where_the_vault_is_open(
     assert ended("robot", "discover", "site=coastal") == (0, "WARN", ["token-sealed"])
     (line,) = advised(hints[0])
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
-    monkeypatch.setattr(_passphrase, "_typed", lambda _: Secret("of the vault"))
+    monkeypatch.setattr(passphrase, "_typed", lambda _: Secret("of the vault"))
     assert ended(*line) == ending
 
 

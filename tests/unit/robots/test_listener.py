@@ -20,7 +20,7 @@ import robot_cases
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.remote_process import ProcessEnded
+from atlantis_netcfg.core.processes.remote_process import ProcessEnded
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.inventory.robots.reading import read_declared
 from atlantis_netcfg.operations.robots import remote

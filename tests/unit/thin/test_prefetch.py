@@ -20,7 +20,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.action.desired_
 )
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import prefetch, zipapp_action
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
-from atlantis_netcfg.core import remote_bundle
+from atlantis_netcfg.core.processes import remote_bundle
 
 ROOT = Path(__file__).parents[3]
 QUIET = {"variables": {}, "ours": [], "why": "because"}

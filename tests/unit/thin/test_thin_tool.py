@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board import basic, install
-from atlantis_netcfg.core import remote_bundle as tool
+from atlantis_netcfg.core.processes import remote_bundle as tool
 from atlantis_netcfg.operations.common.costs import _TOOL
 
 PLUGINS = Path(basic.__file__).parents[2]

@@ -16,8 +16,9 @@ from vpn_desk import NOBODY, PASSPHRASE, declared, founded
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_server
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.cli import _session, main
-from atlantis_netcfg.cli._playbook import PlayOutcome
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.base import session
+from atlantis_netcfg.cli.base.playbook import PlayOutcome
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
@@ -116,8 +117,8 @@ def prepared(tmp_path: Path, base: Path, capsys: pytest.CaptureFixture[str], mon
     monkeypatch.setattr(getpass, "getpass", lambda _question: PASSPHRASE)
     made = Laptop(tmp_path, capsys, monkeypatch)
     monkeypatch.setattr(Play, "laptop", made, raising=False)
-    monkeypatch.setattr(_session, "PlaybookRunner", Play)
-    monkeypatch.setattr(_session, "load", lambda *_, **__: real())
+    monkeypatch.setattr(session, "PlaybookRunner", Play)
+    monkeypatch.setattr(session, "load", lambda *_, **__: real())
     capsys.readouterr()
     return made
 

@@ -3,7 +3,7 @@
 import pytest
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.cli.base.commands import COMMANDS
 from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import line as printable_line

@@ -14,8 +14,8 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import Cell
-from atlantis_netcfg.checklist.probes.bearer_probe import reserved_mac
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
+from atlantis_netcfg.checklist.probes.link_probe import reserved_mac
 from atlantis_netcfg.checklist.probes.site_checks.data_reaches import far_computers
 from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots

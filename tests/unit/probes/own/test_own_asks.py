@@ -19,7 +19,7 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.probes.site_checks.addresses import FILES
 from atlantis_netcfg.checklist.probes.site_checks.certificates import IDENTITY
-from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.cli.base.commands import COMMANDS
 from atlantis_netcfg.computers import parts
 from atlantis_netcfg.core.reading_programs import allowed
 from atlantis_netcfg.emulator.routeros import schema

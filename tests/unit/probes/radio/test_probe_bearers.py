@@ -10,7 +10,7 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusResult,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, _registered
+from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, _registered
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe, _there
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding

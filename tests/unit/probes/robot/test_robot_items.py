@@ -37,9 +37,9 @@ from atlantis_netcfg.checklist.runner.robots import vpn_members
 from atlantis_netcfg.checklist.runner.simulated import FAULTS
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._arguments import parse
-from atlantis_netcfg.cli._commands import COMMANDS, choose
-from atlantis_netcfg.cli._commands import load as load_command
+from atlantis_netcfg.cli.base.arguments import parse
+from atlantis_netcfg.cli.base.commands import COMMANDS, choose
+from atlantis_netcfg.cli.base.commands import load as load_command
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration, load

@@ -27,7 +27,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.en
 )
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.core.worker import end_with_parent
+from atlantis_netcfg.core.processes.worker import end_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -12,7 +12,7 @@ from ansible.parsing.vault import VaultLib, VaultSecretsContext
 from ansible.plugins.action import ActionBase
 
 from atlantis_netcfg.core.errors import REHEARSE, NetcfgError
-from atlantis_netcfg.core.worker import end_if_orphaned, end_with_parent
+from atlantis_netcfg.core.processes.worker import end_if_orphaned, end_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

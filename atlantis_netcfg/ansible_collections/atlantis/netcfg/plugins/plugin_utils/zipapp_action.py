@@ -28,8 +28,8 @@ from ansible.plugins.action import ActionBase
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import prefetch
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
 from atlantis_netcfg.core import printable
-from atlantis_netcfg.core.remote_bundle import INSTALL, build
-from atlantis_netcfg.core.worker import end_with_parent
+from atlantis_netcfg.core.processes.remote_bundle import INSTALL, build
+from atlantis_netcfg.core.processes.worker import end_with_parent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

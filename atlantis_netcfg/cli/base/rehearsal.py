@@ -14,7 +14,7 @@ from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
 from atlantis_netcfg.runs.report.run import Pass, RunReport
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 
 

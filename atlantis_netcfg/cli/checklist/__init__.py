@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
     INVENTORY,
@@ -16,7 +16,7 @@ from atlantis_netcfg.cli._arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.cli._output import json_text
+from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import Kept, SigningTrouble
     from atlantis_netcfg.checklist.report import Document
-    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli.base.arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
 
@@ -76,7 +76,7 @@ CHECK = CommandSpec(
 
 def run_check(arguments: Arguments) -> ExitCode:
     """Work out the list, open its book, look and ask, tell."""
-    from atlantis_netcfg.cli._checklist_session import run_check
+    from atlantis_netcfg.cli.checklist.check_run import run_check
 
     return run_check(arguments)
 
@@ -95,11 +95,11 @@ REPORT_LIST = CommandSpec(
 
 def run_report_list(arguments: Arguments) -> ExitCode:
     """List checklists, oldest first, then what has changed since the last one that passed."""
-    from atlantis_netcfg.cli import _checklist_session
+    from atlantis_netcfg.cli.checklist import check_run
     from atlantis_netcfg.core.errors import ExitCode, NothingMatched
 
     site, vehicle, rehearsed = arguments.word("site"), arguments.optional("vehicle"), arguments.flag("rehearsed")
-    every = _checklist_session.kept_of(_checklist_session.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
+    every = check_run.kept_of(check_run.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
     rows = [row for item in every if (row := _listed_row(item, vehicle)) is not None]
     if not rows:
         raise NothingMatched(f"no checklist of `{site}` has looked at `{vehicle}`", hint="leave out `vehicle=`")
@@ -217,21 +217,21 @@ def run_report_show(arguments: Arguments) -> ExitCode:
     import sys
 
     from atlantis_netcfg.checklist.report import body, ending
-    from atlantis_netcfg.cli import _checklist_session
+    from atlantis_netcfg.cli.checklist import check_run
     from atlantis_netcfg.core.errors import DeviceFailed
     from atlantis_netcfg.core.printable import show
 
     site, rehearsed = arguments.word("site"), arguments.flag("rehearsed")
-    every = _checklist_session.kept_of(_checklist_session.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
-    item = _checklist_session.run_of(every, arguments.optional("run"))
+    every = check_run.kept_of(check_run.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
+    item = check_run.run_of(every, arguments.optional("run"))
     if item.document is None:
         raise DeviceFailed(
             f"the checklist {item.run} cannot be read: {item.why}", hint="look at it with `provision report verify`"
         )
     if arguments.flag("json"):
-        print(json_text({**_checklist_session.as_json(item.document), "errors": []}))
+        print(json_text({**check_run.as_json(item.document), "errors": []}))
     else:
-        last = [*_checklist_session.pages_in(item.folder)]
+        last = [*check_run.pages_in(item.folder)]
         show([*body(item.document), "", *ending(item.document), *last], sys.stdout)
     return item.document.exit
 
@@ -278,12 +278,12 @@ def run_report_verify(arguments: Arguments) -> ExitCode:
 def _kept(arguments: Arguments) -> Iterator[dict[str, Any]]:
     """A row for each that was signed here, real ones first."""
     from atlantis_netcfg.checklist import books, verify
-    from atlantis_netcfg.cli import _checklist_session
-    from atlantis_netcfg.cli._checklist_session import folder_of
+    from atlantis_netcfg.cli.checklist import check_run
+    from atlantis_netcfg.cli.checklist.check_run import folder_of
 
     site, name = arguments.optional("site"), arguments.optional("run")
-    for where in (_checklist_session.store(rehearsed=False), _checklist_session.store(rehearsed=True)):
-        for at in _checklist_session.sites_with(where):
+    for where in (check_run.store(rehearsed=False), check_run.store(rehearsed=True)):
+        for at in check_run.sites_with(where):
             for book in books(folder_of(where, at)) if site in {None, at} else ():
                 if name in {None, book.run} and _was_signed(book):
                     found = verify(book.folder, known=arguments.many("key"))

@@ -23,8 +23,8 @@ from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, is_photo, named
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase, item_title
 from atlantis_netcfg.checklist.runner import Ears, examine
-from atlantis_netcfg.cli._arguments import ACCEPT_COST
-from atlantis_netcfg.cli._consent import NO, PAY, YES, plain, shown_word, taken_words, whole_word, yes_or_no
+from atlantis_netcfg.cli.base.arguments import ACCEPT_COST
+from atlantis_netcfg.cli.base.consent import NO, PAY, YES, plain, shown_word, taken_words, whole_word, yes_or_no
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Step
-    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.cli.base.session import CommandSession
 
 
 GREEN = frozenset({Verdict.PASS, Verdict.WARN, Verdict.SKIP})

@@ -10,7 +10,7 @@ from testinfra.backend.ssh import SshBackend  # type: ignore[import-untyped] # i
 from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # as above
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.core.remote_process import Carrier, ProcessEnded
+from atlantis_netcfg.core.processes.remote_process import Carrier, ProcessEnded
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.operations.common.session_link import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import key_trouble

@@ -9,7 +9,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Arguments, Flag
+from atlantis_netcfg.cli.base.arguments import ASK_VAULT_PASS, JSON, Arguments, Flag
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 

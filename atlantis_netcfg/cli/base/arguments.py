@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._inventory_names import Values, folder_of, kind_of, names
+from atlantis_netcfg.cli.base.inventory_names import Values, folder_of, kind_of, names
 from atlantis_netcfg.core.errors import UsageError, nearest
 
 if TYPE_CHECKING:

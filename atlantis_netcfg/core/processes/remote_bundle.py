@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-_PLUGINS = Path(__file__).parents[1] / "ansible_collections/atlantis/netcfg/plugins"
+_PLUGINS = Path(__file__).parents[2] / "ansible_collections/atlantis/netcfg/plugins"
 _BOARD = _PLUGINS / "plugin_utils" / "board"
 INSTALL = _BOARD / "install.py"
 """The program that takes a tool in on the gateway."""

@@ -11,7 +11,7 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.cli._arguments import Arguments, CommandSpec
+    from atlantis_netcfg.cli.base.arguments import Arguments, CommandSpec
 
 
 class LoadedCommand(NamedTuple):
@@ -137,7 +137,7 @@ def _no_such_command(typed: Sequence[str], places: Sequence[int], table: Mapping
 
 def _meant_line(typed: Sequence[str], first: int, near: str | None, table: Mapping[str, str]) -> str | None:
     """The line that was meant, where its first word is a site, a flag of the default command, or nearly a command."""
-    from atlantis_netcfg.cli._inventory_names import Values, folder_of, names
+    from atlantis_netcfg.cli.base.inventory_names import Values, folder_of, names
 
     sites = names(folder_of(typed), Values.SITE)
     word, flags = typed[first], [flag.name for flag in load(DEFAULT, table).command.flags]

@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from atlantis_netcfg.cli._arguments import (
+from atlantis_netcfg.cli.base.arguments import (
     ACCEPT_COST,
     JSON,
     PROFILE,
@@ -25,14 +25,15 @@ from atlantis_netcfg.cli._arguments import (
     VERBOSE,
     Arguments,
 )
-from atlantis_netcfg.cli._commands import DEFAULT
-from atlantis_netcfg.cli._consent import agreed, pay, pays, removes
-from atlantis_netcfg.cli._output import Stopped, as_typed, carried, json_text, page, progress, width_of
-from atlantis_netcfg.cli._passphrase import vault_of
-from atlantis_netcfg.cli._playbook import PlaybookRunner, PlayOutcome
-from atlantis_netcfg.core import paths, printable, stop_signals
+from atlantis_netcfg.cli.base.commands import DEFAULT
+from atlantis_netcfg.cli.base.consent import agreed, pay, pays, removes
+from atlantis_netcfg.cli.base.output import Stopped, as_typed, carried, json_text, page, progress, width_of
+from atlantis_netcfg.cli.base.passphrase import vault_of
+from atlantis_netcfg.cli.base.playbook import PlaybookRunner, PlayOutcome
+from atlantis_netcfg.core import paths, printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, worst
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.processes import stop_signals
 from atlantis_netcfg.inventory import Declaration, Host, choose, load
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.common.costs import beforehand, gate

@@ -16,7 +16,10 @@ from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
 from atlantis_netcfg.checklist.report import Document, Item, Phase, body, ending, lines, seal, signed, to_look_at
 from atlantis_netcfg.checklist.runner import RealEars
-from atlantis_netcfg.cli._checklist_workflow import (
+from atlantis_netcfg.cli.base.consent import shown_word
+from atlantis_netcfg.cli.base.output import json_text, progress, tell
+from atlantis_netcfg.cli.base.session import CommandSession, session
+from atlantis_netcfg.cli.checklist.workflow import (
     BACK,
     LATER,
     CheckWorkflow,
@@ -28,9 +31,6 @@ from atlantis_netcfg.cli._checklist_workflow import (
     price_of,
     shown,
 )
-from atlantis_netcfg.cli._consent import shown_word
-from atlantis_netcfg.cli._output import json_text, progress, tell
-from atlantis_netcfg.cli._session import CommandSession, session
 from atlantis_netcfg.core import paths, printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
@@ -44,7 +44,7 @@ from atlantis_netcfg.runs import Store, os_errors_as, write_atomically
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli.base.arguments import Arguments
     from atlantis_netcfg.inventory import Declaration, Host
 
 

@@ -25,7 +25,7 @@ from atlantis_netcfg.core.printable import Style, Styled
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.cli._arguments import Arguments, CommandSpec
+    from atlantis_netcfg.cli.base.arguments import Arguments, CommandSpec
 
 
 _CARRIED = ("inventory", "authority")
@@ -61,7 +61,7 @@ def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> E
 
 def as_typed(hint: str, typed: Sequence[str]) -> str:
     """A hint whose commands go on where the typed one was: its site and device, and what `carried` gives."""
-    from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+    from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
 
     with suppress(NetcfgError):
         if REHEARSE in hint and load(choose(typed, COMMANDS)[0], COMMANDS).command.flag("rehearse") is not None:

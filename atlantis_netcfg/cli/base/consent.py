@@ -16,7 +16,7 @@ import sys
 import unicodedata
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._output import signal_of
+from atlantis_netcfg.cli.base.output import signal_of
 from atlantis_netcfg.core import language, printable
 from atlantis_netcfg.core.errors import DeviceFailed, UsageError
 from atlantis_netcfg.core.language import translate

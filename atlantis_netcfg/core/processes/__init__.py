@@ -1,0 +1,1 @@
+"""Processes of this computer and programs on others: started, read, stopped."""
