@@ -35,7 +35,7 @@ PARTS: dict[str, tuple[Sequence[str], Sequence[str], Sequence[str]]] = {
     "rules": (("inventory/rules",), ("declaration", "errors"), ()),
     "vpn": (("vpn",), ("vpn", "vpn-server"), ()),
     "checklist": (("checklist",), ("checklist", "probes", "reports"), ()),
-    "runs": (("journal", "report"), ("journal", "operations", "reports"), ()),
+    "runs": (("runs",), ("journal", "operations", "reports"), ()),
 }
 """A part's packages, its parts in tests/parts.txt, and further folders of tests."""
 TESTS_S = 30.0

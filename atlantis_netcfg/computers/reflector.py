@@ -1,7 +1,7 @@
 """Two small programs of ours on every gateway and control centre, which answer other computers.
 
 One answers the checklists of the other computers: it is bound to the address in the VPN alone, and the firewall lets
-only the pilot's own computers come to it (`gateway.base`). It shows that data arrive and come back, not that any
+only the pilot's own computers come to it (`computers.base`). It shows that data arrive and come back, not that any
 program of a partner works.
 
 The other is the far end of measured links, the folder `links/qualify/reflector` as it is: it answers who has the key.

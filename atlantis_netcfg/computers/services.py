@@ -1,7 +1,7 @@
 """The declared services of a computer: what is started for them, and whether it listens where it is declared.
 
 The program is its partner's, who brings it; the unit, the account, the folder and the bounds are ours. Whom its port is
-open to stands in the computer's firewall (`gateway.base`), and for partners also in that of the VPN's server
+open to stands in the computer's firewall (`computers.base`), and for partners also in that of the VPN's server
 (`vpn.policy`). That a program answers well is not looked at here: only that it runs and holds its port.
 
 `StartedService` is what any unit of ours is made of; one that takes part in DDS lives as long as the VPN's interface.

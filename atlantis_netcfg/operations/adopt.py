@@ -1,4 +1,4 @@
-"""Adopt one declared router: from the declaration over its console to the journal (the steps are in `bootstrap`)."""
+"""Adopt one router of the inventory over its console, and record it (the steps are in `routeros.first_contact`)."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ def test_every_place_where_a_version_decides_is_looked_at() -> None:
     assert found == set(REFUSALS)
 
 
-OTHER_VERSIONS = ("emulator", "bundle", "gateway", "ansible_collections", "dds", "image")
+OTHER_VERSIONS = ("emulator", "computers", "ansible_collections")
 """The emulated devices, and parts that know versions of other things than RouterOS."""
 
 

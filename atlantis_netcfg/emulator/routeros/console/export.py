@@ -1,4 +1,4 @@
-"""`/export`: the configuration as text (grammar and wrapping are `rsc`'s)."""
+"""`/export`: the configuration as text (grammar and wrapping are those of `routeros.rsc`)."""
 
 from __future__ import annotations
 
